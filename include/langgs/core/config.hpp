@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+/// @file Annotations that let one source compile as host code and as CUDA device code.
+
+#if defined(__CUDACC__)
+#define LANGGS_HD __host__ __device__
+#else
+#define LANGGS_HD
+#endif
+
+/// Small functions in hot loops: inlined whatever the compiler's cost model thinks, on host and device alike.
+#define LANGGS_INLINE LANGGS_HD inline __attribute__((always_inline))
