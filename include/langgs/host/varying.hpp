@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "langgs/core/config.hpp"
+
+/// @file 32 lanes as native SIMD vectors. Arithmetic is data-parallel by type, not by the mood of a vectoriser.
+///
+/// GCC and Clang vector extensions make one source for SSE2, AVX2, AVX-512 and NEON. The reductions run the same tree
+/// (halves, quarters, ... = xor 16, 8, 4, 2, 1) for every native width, so results do not depend on the instruction
+/// set's width. Clang fuses multiply and add across inlined operators only when told to; GCC does it by default.
+
+#if defined(__clang__)
+#define LANGGS_FP_CONTRACT _Pragma("clang fp contract(fast)")
+#else
+#define LANGGS_FP_CONTRACT
+#endif
+
+namespace langgs::host {
+
+inline constexpr int kLanes = 32;
+
+#if defined(__AVX512F__)
+inline constexpr int kNativeBytes = 64;
+#elif defined(__AVX__)
+inline constexpr int kNativeBytes = 32;
+#else
+inline constexpr int kNativeBytes = 16;
+#endif
+
+/// 32 values of a 4-byte arithmetic type, one per lane. Masks are Varying<int32_t> with lanes 0 or -1.
+template <class T>
+struct alignas(64) Varying {
+  static_assert(sizeof(T) == 4 && std::is_arithmetic_v<T>, "Varying holds float, int32_t or uint32_t lanes");
+  static constexpr int kNativeLanes = kNativeBytes / 4;
+  static constexpr int kParts = kLanes / kNativeLanes;
+  typedef T Native __attribute__((vector_size(kNativeBytes)));  // the attribute needs a typedef for a dependent T
+
+  Native part[kParts];
+
+  Varying() = default;
+  /// The same value in every lane.
+  LANGGS_INLINE Varying(T uniform) {
+    for (int i = 0; i < kParts; ++i) part[i] = uniform - Native{};
+  }
+  /// 32 consecutive values; no alignment is needed.
+  LANGGS_INLINE static Varying load(const T* values) {
+    Varying result;
+    std::memcpy(result.part, values, sizeof(result.part));
+    return result;
+  }
+  LANGGS_INLINE void store(T* values) const { std::memcpy(values, part, sizeof(part)); }
+  [[nodiscard]] LANGGS_INLINE T lane(int i) const { return part[i / kNativeLanes][i % kNativeLanes]; }
+};
+
+using Mask = Varying<std::int32_t>;
+
+#define LANGGS_LANEWISE(Result, expression)                            \
+  LANGGS_FP_CONTRACT                                                   \
+  Result r;                                                            \
+  for (int i = 0; i < Varying<T>::kParts; ++i) r.part[i] = expression; \
+  return r;
+
+#define LANGGS_ARITHMETIC(op)                                                            \
+  template <class T>                                                                     \
+  LANGGS_INLINE Varying<T> operator op(const Varying<T>& a, const Varying<T>& b) {       \
+    LANGGS_LANEWISE(Varying<T>, a.part[i] op b.part[i])                                  \
+  }                                                                                      \
+  template <class T>                                                                     \
+  LANGGS_INLINE Varying<T> operator op(const Varying<T>& a, std::type_identity_t<T> b) { \
+    return a op Varying<T>(b);                                                           \
+  }                                                                                      \
+  template <class T>                                                                     \
+  LANGGS_INLINE Varying<T> operator op(std::type_identity_t<T> a, const Varying<T>& b) { \
+    return Varying<T>(a) op b;                                                           \
+  }
+LANGGS_ARITHMETIC(+)
+LANGGS_ARITHMETIC(-)
+LANGGS_ARITHMETIC(*)
+LANGGS_ARITHMETIC(/)
+LANGGS_ARITHMETIC(&)
+LANGGS_ARITHMETIC(|)
+#undef LANGGS_ARITHMETIC
+
+#define LANGGS_COMPARISON(op)                                                      \
+  template <class T>                                                               \
+  LANGGS_INLINE Mask operator op(const Varying<T>& a, const Varying<T>& b) {       \
+    LANGGS_LANEWISE(Mask, a.part[i] op b.part[i])                                  \
+  }                                                                                \
+  template <class T>                                                               \
+  LANGGS_INLINE Mask operator op(const Varying<T>& a, std::type_identity_t<T> b) { \
+    return a op Varying<T>(b);                                                     \
+  }
+LANGGS_COMPARISON(<)
+LANGGS_COMPARISON(<=)
+LANGGS_COMPARISON(>)
+LANGGS_COMPARISON(>=)
+LANGGS_COMPARISON(==)
+LANGGS_COMPARISON(!=)
+#undef LANGGS_COMPARISON
+
+template <class T>
+LANGGS_INLINE Varying<T> operator-(const Varying<T>& a){LANGGS_LANEWISE(Varying<T>, -a.part[i])} LANGGS_INLINE Mask
+operator!(const Mask& a) {
+  Mask r;
+  for (int i = 0; i < Mask::kParts; ++i) r.part[i] = ~a.part[i];
+  return r;
+}
+template <class T>
+LANGGS_INLINE Varying<T>& operator+=(Varying<T>& a, const Varying<T>& b) {
+  return a = a + b;
+}
+template <class T>
+LANGGS_INLINE Varying<T>& operator-=(Varying<T>& a, const Varying<T>& b) {
+  return a = a - b;
+}
+template <class T>
+LANGGS_INLINE Varying<T>& operator*=(Varying<T>& a, const Varying<T>& b) {
+  return a = a * b;
+}
+
+/// Per lane: mask ? a : b.
+template <class T>
+LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, const Varying<T>& b) {
+  LANGGS_LANEWISE(Varying<T>, mask.part[i] ? a.part[i] : b.part[i])
+}
+template <class T>
+LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, std::type_identity_t<T> b) {
+  return select(mask, a, Varying<T>(b));
+}
+template <class T>
+LANGGS_INLINE Varying<T> min(const Varying<T>& a, const Varying<T>& b) {
+  LANGGS_LANEWISE(Varying<T>, a.part[i] < b.part[i] ? a.part[i] : b.part[i])
+}
+template <class T>
+LANGGS_INLINE Varying<T> max(const Varying<T>& a, const Varying<T>& b) {
+  LANGGS_LANEWISE(Varying<T>, a.part[i] > b.part[i] ? a.part[i] : b.part[i])
+}
+template <class T>
+LANGGS_INLINE Varying<T> min(const Varying<T>& a, std::type_identity_t<T> b) {
+  return min(a, Varying<T>(b));
+}
+template <class T>
+LANGGS_INLINE Varying<T> max(const Varying<T>& a, std::type_identity_t<T> b) {
+  return max(a, Varying<T>(b));
+}
+template <class T>
+LANGGS_INLINE Varying<T> abs(const Varying<T>& a) {
+  return max(a, -a);
+}
+
+template <class To, class From>
+LANGGS_INLINE Varying<To> convert(const Varying<From>& a) {
+  Varying<To> r;
+  for (int i = 0; i < Varying<To>::kParts; ++i)
+    r.part[i] = __builtin_convertvector(a.part[i], typename Varying<To>::Native);
+  return r;
+}
+template <class To, class From>
+LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
+  Varying<To> r;
+  std::memcpy(r.part, a.part, sizeof(r.part));
+  return r;
+}
+
+/// e^x for x in [-87, 88]; smaller x give e^-87, which is 1.6e-38. Relative error below 2e-7 + 6e-8 |x|.
+LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
+  LANGGS_FP_CONTRACT
+  constexpr float kMagic = 12582912.f;  // 1.5 * 2^23: adding it rounds to the nearest integer
+  Varying<float> r;
+  for (int i = 0; i < Varying<float>::kParts; ++i) {
+    using V = Varying<float>::Native;
+    using I = Varying<std::int32_t>::Native;
+    const V bounded = x.part[i] > -87.f ? x.part[i] : -87.f - V{};
+    const V t = bounded * 1.44269504f;
+    const V shifted = t + kMagic;
+    I exponent;
+    std::memcpy(&exponent, &shifted, sizeof(exponent));
+    const V f = t - (shifted - kMagic);
+    // Taylor series of 2^f on [-1/2, 1/2]
+    V p = 1.5403530e-4f * f + 1.3333558e-3f;
+    p = p * f + 9.6181291e-3f;
+    p = p * f + 5.5504109e-2f;
+    p = p * f + 2.4022651e-1f;
+    p = p * f + 6.9314718e-1f;
+    p = p * f + 1.f;
+    I bits;
+    std::memcpy(&bits, &p, sizeof(bits));
+    bits += exponent << 23;
+    std::memcpy(&r.part[i], &bits, sizeof(bits));
+  }
+  return r;
+}
+
+LANGGS_INLINE Varying<float> sqrt(const Varying<float>& x) {
+  Varying<float> r;
+  for (int i = 0; i < Varying<float>::kParts; ++i)
+    for (int l = 0; l < Varying<float>::kNativeLanes; ++l) r.part[i][l] = __builtin_sqrtf(x.part[i][l]);
+  return r;
+}
+
+/// base[index] per lane.
+template <class T>
+LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
+  Varying<T> r;
+  for (int i = 0; i < Varying<T>::kParts; ++i)
+    for (int l = 0; l < Varying<T>::kNativeLanes; ++l) r.part[i][l] = base[index.part[i][l]];
+  return r;
+}
+
+namespace detail {
+
+/// Reduces 32 lanes with the tree xor 16, 8, 4, 2, 1.
+template <class T, class Op>
+LANGGS_INLINE T reduce(const Varying<T>& a, Op op) {
+  constexpr int kParts = Varying<T>::kParts;
+  typename Varying<T>::Native p[kParts];
+  for (int i = 0; i < kParts; ++i) p[i] = a.part[i];
+  for (int half = kParts / 2; half >= 1; half /= 2)
+    for (int i = 0; i < half; ++i) p[i] = op(p[i], p[i + half]);
+  typedef T V4 __attribute__((vector_size(16)));
+  V4 quarter;
+  if constexpr (kNativeBytes == 64) {
+    typedef T V8 __attribute__((vector_size(32)));
+    const V8 low = __builtin_shufflevector(p[0], p[0], 0, 1, 2, 3, 4, 5, 6, 7);
+    const V8 high = __builtin_shufflevector(p[0], p[0], 8, 9, 10, 11, 12, 13, 14, 15);
+    const V8 eight = op(low, high);
+    const V4 a4 = __builtin_shufflevector(eight, eight, 0, 1, 2, 3);
+    const V4 b4 = __builtin_shufflevector(eight, eight, 4, 5, 6, 7);
+    quarter = op(a4, b4);
+  } else if constexpr (kNativeBytes == 32) {
+    const V4 a4 = __builtin_shufflevector(p[0], p[0], 0, 1, 2, 3);
+    const V4 b4 = __builtin_shufflevector(p[0], p[0], 4, 5, 6, 7);
+    quarter = op(a4, b4);
+  } else {
+    quarter = p[0];
+  }
+  const V4 swapped = __builtin_shufflevector(quarter, quarter, 2, 3, 0, 1);
+  quarter = op(quarter, swapped);
+  const V4 odd = __builtin_shufflevector(quarter, quarter, 1, 0, 3, 2);
+  return op(quarter, odd)[0];
+}
+
+}  // namespace detail
+
+template <class T>
+LANGGS_INLINE T reduce_sum(const Varying<T>& a) {
+  return detail::reduce(
+      a, [](auto x, auto y) __attribute__((always_inline)) { return x + y; });
+}
+template <class T>
+LANGGS_INLINE T reduce_max(const Varying<T>& a) {
+  return detail::reduce(
+      a, [](auto x, auto y) __attribute__((always_inline)) { return x > y ? x : y; });
+}
+[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) {
+  return detail::reduce(
+             mask, [](auto x, auto y) __attribute__((always_inline)) { return x | y; }) != 0;
+}
+[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) {
+  return detail::reduce(
+             mask, [](auto x, auto y) __attribute__((always_inline)) { return x & y; }) != 0;
+}
+
+#undef LANGGS_LANEWISE
+
+}  // namespace langgs::host
