@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "langgs/core/error.hpp"
+#include "langgs/core/pose.hpp"
+#include "langgs/host/worker_pool.hpp"
+#include "langgs/track/gicp_cost.hpp"
+#include "langgs/track/gicp_target.hpp"
+#include "langgs/track/source_cloud.hpp"
+
+/// @file Generalised ICP (Segal et al. 2009) of a frame's grid cloud to map Gaussians (A.6).
+
+namespace langgs {
+
+struct GicpSettings {
+  double max_distance = 0.10;         ///< correspondences are closer than this [m]
+  double coarse_distance = 0.20;      ///< the same in the first iteration; halved until max_distance is reached [m]
+  int max_iterations = 30;            ///< linearisations
+  double rotation_epsilon = 5e-4;     ///< converged when a step turns by less [rad]
+  double translation_epsilon = 2e-4;  ///< and moves the cloud's centre by less [m]
+  /// Residual along the surface normal at which a correspondence has half its weight (Cauchy kernel) [m]; 0: no kernel.
+  double robust_width = 0.02;
+  int min_correspondences = 50;
+  /// Directions whose curvature is less than this fraction of the best one's count as open: the paper's covariances
+  /// alone leave 1e-3 along a bare wall.
+  double degenerate_ratio = 5e-3;
+  double overlap_squared_distance = 1e-3;  ///< a point is covered by the map if closer than this [m^2]
+};
+
+inline void validate(const GicpSettings& s) {
+  LANGGS_EXPECTS(s.max_distance > 0 && s.coarse_distance >= s.max_distance && s.coarse_distance < 1e3,
+                 "correspondence distances are ", s.max_distance, " and ", s.coarse_distance,
+                 " m; they must be positive, coarse_distance not the smaller one");
+  LANGGS_EXPECTS(s.max_iterations >= 1 && s.max_iterations <= 10000, "max_iterations is ", s.max_iterations,
+                 "; it must be in [1, 10000]");
+  LANGGS_EXPECTS(s.rotation_epsilon > 0 && s.translation_epsilon > 0, "epsilons are ", s.rotation_epsilon, " rad and ",
+                 s.translation_epsilon, " m; they must be positive");
+  LANGGS_EXPECTS(s.robust_width >= 0, "robust_width is ", s.robust_width, " m; it must not be negative");
+  LANGGS_EXPECTS(s.min_correspondences >= 6, "min_correspondences is ", s.min_correspondences,
+                 "; a pose needs at least 6");
+  LANGGS_EXPECTS(s.degenerate_ratio >= 0 && s.degenerate_ratio < 1, "degenerate_ratio is ", s.degenerate_ratio,
+                 "; it must be in [0, 1)");
+  LANGGS_EXPECTS(s.overlap_squared_distance > 0, "overlap_squared_distance is ", s.overlap_squared_distance,
+                 " m^2; it must be positive");
+}
+
+enum class GicpStatus {
+  converged,
+  iteration_limit,          ///< the pose is the best found; steps were still larger than the epsilons
+  degenerate,               ///< geometry leaves directions open; there the pose is the initial guess
+  too_few_correspondences,  ///< the pose is the initial guess
+  failed,                   ///< arithmetic went wrong; the pose is the initial guess
+};
+
+/// True where the pose is an estimate rather than the initial guess handed back.
+[[nodiscard]] inline bool has_pose(GicpStatus status) {
+  return status == GicpStatus::converged || status == GicpStatus::iteration_limit || status == GicpStatus::degenerate;
+}
+
+struct GicpResult {
+  Pose T_world_camera = Pose::Identity();
+  GicpStatus status = GicpStatus::failed;
+  int iterations = 0;
+  int num_correspondences = 0;
+  double overlap = 0;     ///< fraction of trackable points closer to the map than overlap_squared_distance
+  double inlier_rms = 0;  ///< of the distances along the surface normals of corresponding points [m]
+  /// Smallest over largest curvature of the cost, rotations taken about the cloud's centre on its own radius; near 0
+  /// where geometry leaves a direction open.
+  double conditioning = 0;
+  /// [N] squared distance of each source point to the nearest target mean at the final pose [m^2]; +inf where the point
+  /// is not trackable or nothing lies within max_distance.
+  std::vector<float> squared_distance;
+  /// Half the Hessian of the cost at the final pose over the residual variance, in 1/m^2, 1/(m rad), 1/rad^2; order and
+  /// frame of Twist: a left perturbation [rho; theta] of T_world_camera in the world.
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
+class GicpTracker {
+ public:
+  explicit GicpTracker(GicpSettings settings = {}) : settings_(settings) { validate(settings_); }
+
+  [[nodiscard]] const GicpSettings& settings() const { return settings_; }
+
+  /// Registers the trackable points of `source` to `target`, from the guess `initial_T_world_camera`.
+  ///
+  /// Minimises sum_i e_i^T (C_B + R C_A R^T)^-1 e_i, e_i = b_i - T a_i (A.6.1), by Levenberg-Marquardt with a left
+  /// perturbation about the cloud's centre. Never throws for bad data, never loops beyond the cap, and its pose is
+  /// always finite if the guess is: failure hands the guess back and says so in the status. The same bits for any
+  /// number of threads. Throws InvalidArgument if the guess is not finite.
+  [[nodiscard]] GicpResult align(const SourceCloud& source, const GicpTarget& target,
+                                 const Pose& initial_T_world_camera, WorkerPool& pool) const {
+    LANGGS_EXPECTS(is_finite(initial_T_world_camera), "initial pose is not finite; pass the last good pose");
+    const std::size_t n = source.points.size();
+    LANGGS_EXPECTS(source.covariances.size() == n && source.weights.size() == n && source.trackable.size() == n,
+                   "source cloud has ", n, " points but ", source.covariances.size(), " covariances, ",
+                   source.weights.size(), " weights, ", source.trackable.size(), " flags; use make_source_cloud");
+    GicpResult result;
+    detail::GicpCost cost(source, target, settings_.robust_width, pool);
+    result.status = iterate(cost, initial_T_world_camera, result);
+    if (!is_finite(result.T_world_camera)) result.status = GicpStatus::failed;
+    if (!has_pose(result.status)) result.T_world_camera = initial_T_world_camera;
+    report(cost, source.size(), result);
+    return result;
+  }
+
+ private:
+  /// Eigenvalues (ascending) of the Hessian in comparable units: rotations as the motion of a typical point.
+  struct Curvature {
+    Twist units;  ///< diagonal S, step = S y
+    Twist values;
+    Eigen::Matrix<double, 6, 6> directions;  ///< columns, of y
+  };
+
+  GicpStatus iterate(detail::GicpCost& cost, const Pose& initial_T_world_camera, GicpResult& result) const {
+    Pose& T = result.T_world_camera;
+    T = initial_T_world_camera;
+    double gate = settings_.coarse_distance;
+    double damping = kInitialDamping;
+    while (result.iterations < settings_.max_iterations) {
+      ++result.iterations;
+      cost.find_correspondences(T, gate);
+      const Eigen::Vector3d centre = T * cost.centroid();
+      const detail::NormalEquations system = cost.linearise(T, centre);
+      if (system.count < settings_.min_correspondences) return GicpStatus::too_few_correspondences;
+      if (!system.hessian.allFinite() || !system.gradient.allFinite()) return GicpStatus::failed;
+
+      const Curvature curvature = decompose(system.hessian, cost.radius());
+      const Twist step = damped_step(cost, system, curvature, T, damping);
+      T = renormalized(moved_about(centre, step) * T);
+
+      const bool finest = gate <= settings_.max_distance;
+      gate = std::max(settings_.max_distance, 0.5 * gate);
+      const bool small =
+          step.head<3>().norm() < settings_.translation_epsilon && step.tail<3>().norm() < settings_.rotation_epsilon;
+      if (finest && small) return GicpStatus::converged;
+    }
+    return GicpStatus::iteration_limit;
+  }
+
+  /// Levenberg-Marquardt: the first step, with growing damping, that does not raise the cost; zero if none does.
+  /// Directions that geometry leaves open do not move: there the guess is worth more than noise (A.19, item 3).
+  [[nodiscard]] Twist damped_step(detail::GicpCost& cost, const detail::NormalEquations& system,
+                                  const Curvature& curvature, const Pose& T, double& damping) const {
+    const double largest = curvature.values[5];
+    const Twist slope = curvature.directions.transpose() * (curvature.units.asDiagonal() * system.gradient);
+    const Eigen::Vector3d centre = T * cost.centroid();
+    for (int trial = 0; trial < kMaxTrials; ++trial, damping *= 10) {
+      Twist along = Twist::Zero();
+      for (int k = 0; k < 6; ++k)
+        if (curvature.values[k] > settings_.degenerate_ratio * largest)
+          along[k] = -slope[k] / (curvature.values[k] + damping * largest);
+      const Twist step = curvature.units.asDiagonal() * (curvature.directions * along);
+      if (step.allFinite() && cost.value(moved_about(centre, step) * T) <= system.cost) {
+        damping = std::max(kInitialDamping, 0.1 * damping);
+        return step;
+      }
+    }
+    damping = kInitialDamping;
+    return Twist::Zero();
+  }
+
+  /// Everything that is said about the final pose, computed at the final pose (A.18, B9).
+  void report(detail::GicpCost& cost, int num_points, GicpResult& result) const {
+    const Pose& T = result.T_world_camera;
+    const double reach = std::max(settings_.max_distance, std::sqrt(settings_.overlap_squared_distance));
+    cost.find_correspondences(T, reach);
+    result.squared_distance.assign(num_points, std::numeric_limits<float>::infinity());
+    int covered = 0;
+    for (const detail::GicpPair& pair : cost.pairs()) {
+      if (pair.target.index < 0) continue;
+      result.squared_distance[pair.source] = pair.target.squared_distance;
+      covered += pair.target.squared_distance < settings_.overlap_squared_distance;
+    }
+    if (!cost.pairs().empty()) result.overlap = covered / static_cast<double>(cost.pairs().size());
+
+    const Eigen::Vector3d centre = T * cost.centroid();
+    const detail::NormalEquations system = cost.linearise(T, centre);
+    result.num_correspondences = system.count;
+    if (system.count == 0 || !(system.weight > 0) || !system.hessian.allFinite()) return;
+    result.inlier_rms = std::sqrt(system.squared_normal_distance / system.weight);
+    const Curvature curvature = decompose(system.hessian, cost.radius());
+    result.conditioning = std::max(0.0, curvature.values[0] / curvature.values[5]);
+    const bool settled = result.status == GicpStatus::converged || result.status == GicpStatus::iteration_limit;
+    if (settled && result.conditioning <= settings_.degenerate_ratio) result.status = GicpStatus::degenerate;
+
+    // From a rotation about the centre to one about the world's origin.
+    Eigen::Matrix<double, 6, 6> shift = Eigen::Matrix<double, 6, 6>::Identity();
+    shift.topRightCorner<3, 3>() = -skew(centre);
+    const double variance = std::max(system.cost / system.weight, kMinVariance);
+    result.information = shift.transpose() * full(system.hessian) * shift / variance;
+  }
+
+  [[nodiscard]] static Eigen::Matrix<double, 6, 6> full(const Eigen::Matrix<double, 6, 6>& upper) {
+    return upper.selfadjointView<Eigen::Upper>();
+  }
+
+  [[nodiscard]] static Curvature decompose(const Eigen::Matrix<double, 6, 6>& hessian, double radius) {
+    Curvature curvature;
+    curvature.units << 1, 1, 1, 1 / radius, 1 / radius, 1 / radius;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(
+        curvature.units.asDiagonal() * full(hessian) * curvature.units.asDiagonal());
+    curvature.values = solver.eigenvalues();
+    curvature.directions = solver.eigenvectors();
+    return curvature;
+  }
+
+  /// The motion x -> x + rho + (Exp(theta) - I)(x - centre) for step = [rho; theta].
+  [[nodiscard]] static Pose moved_about(const Eigen::Vector3d& centre, const Twist& step) {
+    Pose motion = Pose::Identity();
+    motion.linear() = so3_exp(step.tail<3>());
+    motion.translation() = centre + step.head<3>() - motion.linear() * centre;
+    return motion;
+  }
+
+  static constexpr double kInitialDamping = 1e-9;  // of the largest curvature: Gauss-Newton unless that fails
+  static constexpr int kMaxTrials = 10;            // ends at a damping of 1: plain gradient descent
+  static constexpr double kMinVariance = 1e-12;    // m^2; perfect data must not claim infinite information
+
+  GicpSettings settings_;
+};
+
+}  // namespace langgs
