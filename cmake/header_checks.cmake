@@ -28,13 +28,13 @@ target_link_libraries(headers_alone PRIVATE langgs_development)
 target_compile_options(headers_alone PRIVATE -O0)
 langgs_add_build_test(headers.alone headers_alone)
 
-# Names that <complex.h>, <termios.h>, <sys/sysmacros.h>, X11, logging and test libraries define as macros. What we
+# Names that <complex.h>, <termios.h>, X11, logging and test libraries define as macros. What we
 # include from elsewhere comes first: only our own spelling is on trial.
 list(REMOVE_DUPLICATES outside_includes)
 list(FILTER outside_includes EXCLUDE REGEX "cuda|cub/|thrust/|experimental")
 list(JOIN outside_includes "\n" outside_includes)
 set(poison "")
-set(poison_words I B0 major minor None Bool Status CHECK REQUIRE LOG INFO PI EPSILON DEBUG STRICT IN OUT OPTIONAL)
+set(poison_words I B0 None Bool Status CHECK REQUIRE LOG INFO PI EPSILON DEBUG STRICT IN OUT OPTIONAL)
 foreach(word IN LISTS poison_words)
   string(APPEND poison "#undef ${word}\n#define ${word} a macro must not reach langgs\n")
 endforeach()

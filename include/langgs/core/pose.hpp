@@ -58,8 +58,8 @@ using Twist = Eigen::Matrix<double, 6, 1>;
   const double angle = theta.norm();
   const Eigen::Matrix3d hat = skew(theta);
   const double a2 = angle * angle;
-  const double c =
-      angle < 1e-4 ? 1.0 / 12 + a2 / 720 : (1 - 0.5 * angle * std::sin(angle) / (1 - std::cos(angle))) / a2;
+  // cot(angle / 2) written as a tangent: sin / (1 - cos) loses digits at small angles.
+  const double c = angle < 1e-4 ? 1.0 / 12 + a2 / 720 : (1 - 0.5 * angle / std::tan(0.5 * angle)) / a2;
   Twist xi;
   xi.head<3>() = (Eigen::Matrix3d::Identity() - 0.5 * hat + c * hat * hat) * pose.translation();
   xi.tail<3>() = theta;

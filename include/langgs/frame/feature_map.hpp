@@ -40,9 +40,9 @@ class FeatureMap {
     double norm2 = 0;
     for (int c = 0; c < FeatDim; ++c) norm2 += static_cast<double>(feature[c]) * feature[c];
     const bool usable = std::isfinite(norm2) && norm2 > 0;
-    const float scale = usable ? static_cast<float>(1 / std::sqrt(norm2)) : 0.f;
+    const double scale = usable ? 1 / std::sqrt(norm2) : 0;  // double: finite for subnormal features too
     Half* out = data_.data() + offset(x, y);
-    for (int c = 0; c < FeatDim; ++c) out[c] = Half(usable ? feature[c] * scale : 0.f);
+    for (int c = 0; c < FeatDim; ++c) out[c] = Half(usable ? static_cast<float>(feature[c] * scale) : 0.f);
   }
 
   /// Bilinear sample at pixel (u, v) of a colour image of the given size, L2-normalised into `out` (FeatDim floats).
