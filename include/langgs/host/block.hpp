@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
@@ -67,7 +69,15 @@ class SharedArray {
   static constexpr int kSize = N;
   LANGGS_INLINE const T& operator[](int i) const { return values_[i]; }
   LANGGS_INLINE void set(int i, const T& value) { values_[i] = value; }
-  LANGGS_INLINE T* data() { return values_; }
+  /// Elements first .. first + 31, one for each lane of a warp.
+  template <class Warp>
+  [[nodiscard]] LANGGS_INLINE Varying<T> load(int first, const Warp&) const {
+    return Varying<T>::load(values_ + first);
+  }
+  template <class Warp>
+  LANGGS_INLINE void store(int first, const Varying<T>& v, const Warp&) {
+    v.store(values_ + first);
+  }
 
  private:
   alignas(64) T values_[N];
@@ -99,6 +109,16 @@ class SharedArray<T, N, true> {
     tag.writer = context.agent;
     values_[i] = value;
   }
+  template <class Warp>
+  [[nodiscard]] Varying<T> load(int first, const Warp&) const {
+    T lanes[kLanes];
+    for (int i = 0; i < kLanes; ++i) lanes[i] = (*this)[first + i];
+    return Varying<T>::load(lanes);
+  }
+  template <class Warp>
+  void store(int first, const Varying<T>& v, const Warp&) {
+    for (int i = 0; i < kLanes; ++i) set(first + i, v.lane(i));
+  }
 
  private:
   static constexpr int kManyReaders = -2;
@@ -128,12 +148,8 @@ class Warp {
  public:
   explicit Warp(int index) : index_(index) {}
   [[nodiscard]] LANGGS_INLINE int index() const { return index_; }
-  /// Index of each lane's thread in its block.
-  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> thread_index() const {
-    alignas(64) std::int32_t lanes[kLanes];
-    for (int i = 0; i < kLanes; ++i) lanes[i] = index_ * kLanes + i;
-    return Varying<std::int32_t>::load(lanes);
-  }
+  /// 0 .. 31.
+  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> lane_index() const { return host::lane_index(); }
   [[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) const { return host::any(mask); }
   [[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) const { return host::all(mask); }
   template <class T>
@@ -144,10 +160,30 @@ class Warp {
   [[nodiscard]] LANGGS_INLINE T max(const Varying<T>& value) const {
     return reduce_max(value);
   }
-  /// base[0..31] for the 32 lanes.
+  /// base[index] in the lanes where `wanted`, `otherwise` in the others.
   template <class T>
-  [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
-    return Varying<T>::load(base);
+  [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
+                                                T otherwise) const {
+    const Varying<std::int32_t> safe = select(wanted, index, 0);
+    return select(wanted, host::gather(base, safe), Varying<T>(otherwise));
+  }
+
+  /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.
+  template <int kColumns, class T>
+  [[nodiscard]] LANGGS_INLINE Varying<T> load_rect(const T* base, std::ptrdiff_t pitch, int columns, int rows,
+                                                   T outside) const {
+    alignas(64) T lanes[kLanes];
+    for (int i = 0; i < kLanes; ++i) lanes[i] = outside;
+    for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)
+      std::copy_n(base + r * pitch, std::min(columns, kColumns), lanes + r * kColumns);
+    return Varying<T>::load(lanes);
+  }
+  template <int kColumns, class T>
+  LANGGS_INLINE void store_rect(T* base, std::ptrdiff_t pitch, int columns, int rows, const Varying<T>& v) const {
+    alignas(64) T lanes[kLanes];
+    v.store(lanes);
+    for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)
+      std::copy_n(lanes + r * kColumns, std::min(columns, kColumns), base + r * pitch);
   }
 
   /// Calls `body(j)` for the j in [0, n), in ascending order, for which `wanted(j)` holds; `body` returns false to
@@ -229,8 +265,19 @@ class Block {
       ++context_.epoch;
     }
   }
-  /// Adds to a counter in global memory that only this block touches while the kernel runs.
-  LANGGS_INLINE void add(std::int32_t& counter, std::int32_t value) const { counter += value; }
+  /// Whether `mask_of(warp)` holds in every lane of every warp.
+  template <class MaskOf>
+  [[nodiscard]] LANGGS_INLINE bool all(MaskOf&& mask_of) {
+    bool result = true;
+    for (int w = 0; w < kWarps; ++w) result = result && host::all(mask_of(Warp(w)));
+    return result;
+  }
+  /// Adds 1 to counters[index] for each lane where `wanted`. Only this block may touch these counters meanwhile;
+  /// integers commute, so the result does not depend on the order.
+  LANGGS_INLINE void count(std::int32_t* counters, const Varying<std::int32_t>& index, const Mask& wanted) const {
+    for (int i = 0; i < kLanes; ++i)
+      if (wanted.lane(i) != 0) ++counters[index.lane(i)];
+  }
 
  private:
   template <class F>
@@ -266,11 +313,7 @@ class Lanes {
   LANGGS_INLINE Lanes(int first, int count) : first_(first), count_(count) {}
   [[nodiscard]] LANGGS_INLINE int first() const { return first_; }
   [[nodiscard]] LANGGS_INLINE int count() const { return count_; }
-  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> index() const {
-    alignas(64) std::int32_t lanes[kLanes];
-    for (int i = 0; i < kLanes; ++i) lanes[i] = first_ + i;
-    return Varying<std::int32_t>::load(lanes);
-  }
+  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> index() const { return lane_index() + first_; }
   /// base[index()]. Reads past the end of the range; a Buffer is padded for it.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
@@ -291,6 +334,18 @@ class Lanes {
     for (int i = 0; i < count_; ++i)
       r.part[i / Varying<T>::kNativeLanes][i % Varying<T>::kNativeLanes] = base[index.lane(i)];
     return r;
+  }
+  /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * N + v], in row order.
+  template <int N>
+  LANGGS_INLINE void sum_segments(const std::int32_t* begin, const float* rows, Varying<float> (&sums)[N]) const {
+    alignas(64) float lanes[N][kLanes] = {};
+    for (int i = 0; i < count_; ++i) {
+      float total[N] = {};
+      for (std::int32_t r = begin[first_ + i]; r < begin[first_ + i + 1]; ++r)
+        for (int v = 0; v < N; ++v) total[v] += rows[static_cast<std::ptrdiff_t>(r) * N + v];
+      for (int v = 0; v < N; ++v) lanes[v][i] = total[v];
+    }
+    for (int v = 0; v < N; ++v) sums[v] = Varying<float>::load(lanes[v]);
   }
   template <class T>
   LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Varying<T>& v) const {

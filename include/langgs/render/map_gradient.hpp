@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "langgs/core/pose.hpp"
+#include "langgs/device/buffer.hpp"
+#include "langgs/device/launch.hpp"
+#include "langgs/map/planes.hpp"
+#include "langgs/render/projection_backward.hpp"
+#include "langgs/render/splat_list.hpp"
+
+namespace langgs {
+
+/// Sums the instances of each splat and carries the sums back to the Gaussian's parameters and the pose.
+struct GatherGradient {
+  PlanesView map;
+  View view;
+  const std::int32_t* gaussian;    ///< [V]
+  const std::int32_t* slot_begin;  ///< [V + 1]
+  const float* slot_sums;          ///< [I, kNumSplatSums]
+  PlanesView out;                  ///< [14, V]
+  float* pose;                     ///< [6, V] contributions to [rho; theta]
+
+  template <class Lanes>
+  LANGGS_HD void operator()(const Lanes& lanes) const {
+    using F = VaryingOf<float, Lanes>;
+    const auto who = lanes.load(gaussian);
+    const Projection<F> p(GaussianParameters<F>::read([&](int plane) { return lanes.gather(map.plane(plane), who); }),
+                          view);
+    F sums[kNumSplatSums];
+    lanes.sum_segments(slot_begin, slot_sums, sums);
+    const ProjectionGradient<F> g(p, view, sums);
+    const auto put = [&](int plane, const F& v) { lanes.store(out.plane(plane), v); };
+    for (int a = 0; a < 3; ++a) {
+      put(kMeanX + a, g.mean[a]);
+      put(kLogScaleX + a, g.log_scale[a]);
+      put(kRed + a, g.colour[a]);
+      lanes.store(pose + static_cast<std::ptrdiff_t>(a) * out.stride, g.rho[a]);
+      lanes.store(pose + static_cast<std::ptrdiff_t>(a + 3) * out.stride, g.theta[a]);
+    }
+    for (int a = 0; a < 4; ++a) put(kRotationW + a, g.rotation[a]);
+    put(kOpacityLogit, g.opacity_logit);
+  }
+};
+
+/// Gradient of a loss with respect to the visible Gaussians' parameters and to the view's pose.
+template <class Backend>
+class MapGradient {
+ public:
+  /// [14, V] in the order of `gaussian`.
+  [[nodiscard]] PlanesView planes() const { return {const_cast<float*>(planes_.data()), stride_, num_gaussians_}; }
+  /// [V] the Gaussian of each column, ascending.
+  [[nodiscard]] const std::int32_t* gaussian() const { return gaussian_; }
+  [[nodiscard]] int size() const { return num_gaussians_; }
+  /// dL/dtau for T_camera_world <- Exp(tau) T_camera_world, translation first.
+  [[nodiscard]] const Twist& pose() const { return pose_; }
+
+  void from_slot_sums(const Executor<Backend>& executor, const PlanesView& map, const View& view,
+                      const SplatList<Backend>& splats, const float* slot_sums) {
+    num_gaussians_ = splats.num_splats();
+    gaussian_ = splats.gaussian();
+    stride_ = (num_gaussians_ / 32 + 1) * 32;
+    planes_.resize_discard(static_cast<std::size_t>(stride_) * kNumPlanes);
+    pose_rows_.resize_discard(static_cast<std::size_t>(stride_) * 6);
+    for_each_lanes(executor, num_gaussians_,
+                   GatherGradient{map, view, gaussian_, splats.slot_begin(), slot_sums, planes(), pose_rows_.data()});
+    for (int a = 0; a < 6; ++a) {
+      double sum = 0;
+      const float* row = pose_rows_.data() + static_cast<std::ptrdiff_t>(a) * stride_;
+      for (int c = 0; c < num_gaussians_; ++c) sum += static_cast<double>(row[c]);
+      pose_[a] = sum;
+    }
+  }
+
+ private:
+  int num_gaussians_ = 0, stride_ = 0;
+  const std::int32_t* gaussian_ = nullptr;
+  Buffer<float, Backend> planes_, pose_rows_;
+  Twist pose_ = Twist::Zero();
+};
+
+}  // namespace langgs
