@@ -152,24 +152,32 @@ struct ViewExtent {
 /// x, y and z in the world. Never too small.
 [[nodiscard]] inline ViewExtent view_extent(const Shape& shape, double margin, const Eigen::Vector3d& eye,
                                             const Eigen::Matrix3d& axes) {
+  constexpr double kNear = 1e-6;
   const double widest = std::max(1.0, shape.taper);
   const Eigen::Vector3d half = shape.half.cwiseProduct(Eigen::Vector3d{widest, widest, 1}).array() + margin;
   const Eigen::Matrix3d local_axes = (shape.half.asDiagonal() * shape.world_to_unit).transpose();
   ViewExtent extent{INFINITY, -INFINITY, INFINITY, -INFINITY, INFINITY};
-  double furthest = -INFINITY;
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY), high = -low;
   for (int corner = 0; corner < 8; ++corner) {
     const Eigen::Vector3d sign{corner & 1 ? 1.0 : -1.0, corner & 2 ? 1.0 : -1.0, corner & 4 ? 1.0 : -1.0};
     const Eigen::Vector3d p = axes.transpose() * (shape.centre + local_axes * sign.cwiseProduct(half) - eye);
-    extent.nearest = std::min(extent.nearest, p.z());
-    furthest = std::max(furthest, p.z());
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+    if (p.z() <= kNear) continue;
     extent.u0 = std::min(extent.u0, p.x() / p.z());
     extent.u1 = std::max(extent.u1, p.x() / p.z());
     extent.v0 = std::min(extent.v0, p.y() / p.z());
     extent.v1 = std::max(extent.v1, p.y() / p.z());
   }
-  if (furthest <= 0) return {};
-  // A box that reaches behind the viewer has no bounded image.
-  if (extent.nearest < 1e-3) return {-INFINITY, INFINITY, -INFINITY, INFINITY, extent.nearest};
+  extent.nearest = low.z();
+  if (high.z() <= kNear) return {};
+  if (low.z() <= kNear) {
+    // The image of a box that reaches behind the viewer runs to infinity on the sides where the box is.
+    if (low.x() <= 0) extent.u0 = -INFINITY;
+    if (high.x() >= 0) extent.u1 = INFINITY;
+    if (low.y() <= 0) extent.v0 = -INFINITY;
+    if (high.y() >= 0) extent.v1 = INFINITY;
+  }
   return extent;
 }
 
