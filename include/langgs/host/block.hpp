@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "langgs/core/error.hpp"
+#include "langgs/core/half.hpp"
 #include "langgs/core/rng.hpp"
 #include "langgs/host/backend.hpp"
 #include "langgs/host/varying.hpp"
@@ -159,6 +160,34 @@ class Warp {
   template <class T>
   [[nodiscard]] LANGGS_INLINE T max(const Varying<T>& value) const {
     return reduce_max(value);
+  }
+  /// base[0 .. 31] for the 32 lanes.
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
+    return Varying<T>::load(base);
+  }
+  /// The same from half precision; lanes from `count` on are 0 and are not read.
+  [[nodiscard]] LANGGS_INLINE Varying<float> load_half(const Half* base, int count) const {
+    alignas(64) float lanes[kLanes] = {};
+    if (count >= kLanes) {
+      for (int i = 0; i < kLanes; ++i) lanes[i] = static_cast<float>(base[i]);
+    } else {
+      for (int i = 0; i < count; ++i) lanes[i] = static_cast<float>(base[i]);
+    }
+    return Varying<float>::load(lanes);
+  }
+  /// Bit i is set where the mask holds in lane i.
+  [[nodiscard]] LANGGS_INLINE std::uint32_t ballot(const Mask& mask) const { return reduce_or(mask & lane_bits()); }
+  /// The mask whose bits are set in `word`.
+  [[nodiscard]] LANGGS_INLINE Mask unballot(std::uint32_t word) const {
+    return (Varying<std::int32_t>(static_cast<std::int32_t>(word)) & lane_bits()) != 0;
+  }
+  /// base[index] = v in the lanes where `wanted`.
+  template <class T>
+  LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted,
+                             const Varying<T>& v) const {
+    for (int i = 0; i < kLanes; ++i)
+      if (wanted.lane(i) != 0) base[index.lane(i)] = v.lane(i);
   }
   /// base[index] in the lanes where `wanted`, `otherwise` in the others.
   template <class T>
@@ -330,10 +359,15 @@ class Lanes {
   }
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {
-    Varying<T> r(T{});
-    for (int i = 0; i < count_; ++i)
-      r.part[i / Varying<T>::kNativeLanes][i % Varying<T>::kNativeLanes] = base[index.lane(i)];
-    return r;
+    alignas(64) std::int32_t where[kLanes];
+    alignas(64) T lanes[kLanes] = {};
+    index.store(where);
+    if (count_ == kLanes) {
+      for (int i = 0; i < kLanes; ++i) lanes[i] = base[where[i]];
+    } else {
+      for (int i = 0; i < count_; ++i) lanes[i] = base[where[i]];
+    }
+    return Varying<T>::load(lanes);
   }
   /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * N + v], in row order.
   template <int N>
@@ -349,7 +383,11 @@ class Lanes {
   }
   template <class T>
   LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Varying<T>& v) const {
-    for (int i = 0; i < count_; ++i) base[index.lane(i)] = v.lane(i);
+    alignas(64) std::int32_t where[kLanes];
+    alignas(64) T lanes[kLanes];
+    index.store(where);
+    v.store(lanes);
+    for (int i = 0; i < count_; ++i) base[where[i]] = lanes[i];
   }
 
  private:

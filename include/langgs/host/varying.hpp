@@ -244,6 +244,12 @@ LANGGS_INLINE Varying<std::int32_t> lane_index() {
                                                                 22, 23, 24, 25, 26, 27, 28, 29, 30, 31};
   return Varying<std::int32_t>::load(kIndices);
 }
+/// 1 << lane.
+LANGGS_INLINE Varying<std::int32_t> lane_bits() {
+  alignas(64) std::int32_t bits[kLanes];
+  for (int i = 0; i < kLanes; ++i) bits[i] = static_cast<std::int32_t>(1u << i);
+  return Varying<std::int32_t>::load(bits);
+}
 LANGGS_INLINE Varying<float> to_float(const Varying<std::int32_t>& a) { return convert<float>(a); }
 
 namespace detail {
@@ -290,6 +296,10 @@ template <class T>
 LANGGS_INLINE T reduce_max(const Varying<T>& a) {
   return detail::reduce(
       a, [](auto x, auto y) __attribute__((always_inline)) { return x > y ? x : y; });
+}
+[[nodiscard]] LANGGS_INLINE std::uint32_t reduce_or(const Mask& mask) {
+  return static_cast<std::uint32_t>(detail::reduce(
+      mask, [](auto x, auto y) __attribute__((always_inline)) { return x | y; }));
 }
 [[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) {
   return detail::reduce(

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "langgs/core/camera.hpp"
+#include "langgs/device/algorithm.hpp"
+#include "langgs/device/buffer.hpp"
+#include "langgs/device/launch.hpp"
+#include "langgs/render/tiles.hpp"
+#include "langgs/render/topk_rasterizer.hpp"
+
+namespace langgs {
+
+/// Which Gaussians make up the feature of each sampled pixel, and with which weights:
+/// F(p) = sum over i in [begin[p], begin[p + 1]) of weight[i] f[gaussian[i]].
+struct ContributionView {
+  int num_pixels = 0;
+  int size = 0;                            ///< begin[num_pixels]
+  const std::int32_t* begin = nullptr;     ///< [num_pixels + 1]
+  const std::int32_t* gaussian = nullptr;  ///< [size]
+  const float* weight = nullptr;           ///< [size]
+};
+
+/// A grid of width x height sample points that covers the image of a camera: the pixel centres of a feature map.
+struct SampleGrid {
+  int width = 0, height = 0;
+  Camera camera;
+
+  /// The image pixel nearest to the centre of sample p (row-major); both grids cover the same rectangle.
+  [[nodiscard]] LANGGS_HD int pixel(int p) const {
+    return nearest(p / width, height, camera.height) * camera.width + nearest(p % width, width, camera.width);
+  }
+
+ private:
+  [[nodiscard]] LANGGS_HD static int nearest(int i, int count, int size) {
+    // floor((i + 1/2) size / count), in integers: exact on every machine
+    return static_cast<int>((2 * static_cast<std::int64_t>(i) + 1) * size / (2 * static_cast<std::int64_t>(count)));
+  }
+};
+
+namespace detail {
+
+/// Top-K weights of the sampled pixels, renormalised over those present (paper Eq. 3).
+struct CountTopK {
+  SampleGrid grid;
+  int k;
+  std::ptrdiff_t plane;
+  const std::int32_t* id;
+  std::int32_t* count;
+  LANGGS_HD void operator()(int p) const {
+    int n = 0;
+    for (int i = 0; i < k; ++i) n += id[i * plane + grid.pixel(p)] >= 0 ? 1 : 0;
+    count[p] = n;
+  }
+};
+struct FillTopK {
+  SampleGrid grid;
+  std::ptrdiff_t plane;
+  const std::int32_t* id;
+  const float* weight;
+  const std::int32_t* begin;
+  std::int32_t* out_gaussian;
+  float* out_weight;
+  LANGGS_HD void operator()(int p) const {
+    const int pixel = grid.pixel(p), n = begin[p + 1] - begin[p];
+    float sum = 0;
+    for (int i = 0; i < n; ++i) sum += weight[i * plane + pixel];
+    for (int i = 0; i < n; ++i) {
+      out_gaussian[begin[p] + i] = id[i * plane + pixel];
+      out_weight[begin[p] + i] = weight[i * plane + pixel] / sum;
+    }
+  }
+};
+
+/// Walks every ray once more and counts (pass 1) or writes (pass 2) all hits of every pixel.
+struct RecordHits {
+  static constexpr int kThreads = TileGrid::kThreads;
+  template <class Block>
+  struct Shared {};
+
+  TileGrid grid;
+  InstanceView instances;
+  const std::int32_t* begin;  ///< [H, W + 1]; null while counting
+  std::int32_t* count;        ///< [H, W]
+  std::int32_t* gaussian;
+  float* weight;
+
+  template <class Block>
+  LANGGS_HD void operator()(Block& block, Shared<Block>&) const {
+    using F = VaryingOf<float, Block>;
+    using I = VaryingOf<std::int32_t, Block>;
+    const int first = instances.tile_begin[block.index()], last = instances.tile_begin[block.index() + 1];
+    block.warps([&](const auto& warp) {
+      const WarpPixels<Block> pixels(grid, block.index(), warp);
+      F T = pixels.initial_transmittance();
+      I hits(0), place(0);
+      if (begin != nullptr) place = pixels.load(warp, begin, 0);
+      for (int j = first; j < last; ++j) {
+        const int splat = instances.slot_splat[instances.sorted_slot[j]];
+        const Splat& s = instances.splats[splat];
+        if (!pixels.touches(s.first_row, s.last_row)) continue;
+        const BlendStep<F> step(Footprint<F>(s, pixels.column, pixels.row).alpha, T);
+        T = step.next_transmittance;
+        const auto hit = step.weight > 0.f;
+        if (begin != nullptr) {
+          warp.scatter(gaussian, place + hits, hit, I(instances.splat_gaussian[splat]));
+          warp.scatter(weight, place + hits, hit, step.weight);
+        }
+        hits += select(hit, I(1), I(0));
+      }
+      if (begin == nullptr) pixels.store(warp, count, hits);
+    });
+  }
+};
+
+struct CopyCounts {
+  SampleGrid grid;
+  const std::int32_t* begin;
+  std::int32_t* count;
+  LANGGS_HD void operator()(int p) const { count[p] = begin[grid.pixel(p) + 1] - begin[grid.pixel(p)]; }
+};
+struct CopyHits {
+  SampleGrid grid;
+  const std::int32_t *from_begin, *from_gaussian, *begin;
+  const float* from_weight;
+  std::int32_t* gaussian;
+  float* weight;
+  LANGGS_HD void operator()(int p) const {
+    const int from = from_begin[grid.pixel(p)];
+    for (int i = begin[p]; i < begin[p + 1]; ++i) {
+      gaussian[i] = from_gaussian[from + i - begin[p]];
+      weight[i] = from_weight[from + i - begin[p]];
+    }
+  }
+};
+
+}  // namespace detail
+
+/// Owner of contributions; reuses its buffers.
+template <class Backend>
+class Contributions {
+ public:
+  [[nodiscard]] ContributionView view() const {
+    return {num_pixels_, size_, begin_.data(), gaussian_.data(), weight_.data()};
+  }
+
+  /// The Top-K records of the rasteriser's last render, at the samples (paper Eqs. 2 and 3).
+  template <int K>
+  void from_topk(const Executor<Backend>& executor, const TopKRasterizer<K, Backend>& rasterizer,
+                 const SampleGrid& grid) {
+    const std::ptrdiff_t plane = grid.camera.num_pixels();
+    resize_pixels(grid.width * grid.height);
+    for_each_n(executor, num_pixels_, detail::CountTopK{grid, K, plane, rasterizer.topk_id(), count_.data()});
+    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), num_pixels_));
+    for_each_n(executor, num_pixels_,
+               detail::FillTopK{grid, plane, rasterizer.topk_id(), rasterizer.topk_weight(), begin_.data(),
+                                gaussian_.data(), weight_.data()});
+  }
+
+  /// Every hit of every ray with its raw blending weight: the full alpha blending of the paper's baseline
+  /// (section 4.3).
+  void from_blending(const Executor<Backend>& executor, const SplatList<Backend>& splats, const SampleGrid& grid) {
+    const int all = grid.camera.num_pixels(), tiles = splats.grid().count();
+    ray_count_.resize_discard(all);
+    ray_begin_.resize_discard(all + 1);
+    launch(executor, tiles,
+           detail::RecordHits{splats.grid(), splats.instances(), nullptr, ray_count_.data(), nullptr, nullptr});
+    const int hits = exclusive_scan(executor, ray_count_.data(), ray_begin_.data(), all);
+    ray_gaussian_.resize_discard(hits);
+    ray_weight_.resize_discard(hits);
+    launch(executor, tiles,
+           detail::RecordHits{splats.grid(), splats.instances(), ray_begin_.data(), ray_count_.data(),
+                              ray_gaussian_.data(), ray_weight_.data()});
+    resize_pixels(grid.width * grid.height);
+    for_each_n(executor, num_pixels_, detail::CopyCounts{grid, ray_begin_.data(), count_.data()});
+    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), num_pixels_));
+    for_each_n(executor, num_pixels_,
+               detail::CopyHits{grid, ray_begin_.data(), ray_gaussian_.data(), begin_.data(), ray_weight_.data(),
+                                gaussian_.data(), weight_.data()});
+  }
+
+ private:
+  void resize_pixels(int num_pixels) {
+    num_pixels_ = num_pixels;
+    count_.resize_discard(num_pixels);
+    begin_.resize_discard(num_pixels + 1);
+  }
+  void resize_hits(int size) {
+    size_ = size;
+    gaussian_.resize_discard(size);
+    weight_.resize_discard(size);
+  }
+
+  int num_pixels_ = 0, size_ = 0;
+  Buffer<std::int32_t, Backend> count_, begin_, gaussian_, ray_count_, ray_begin_, ray_gaussian_;
+  Buffer<float, Backend> weight_, ray_weight_;
+};
+
+}  // namespace langgs
