@@ -3,6 +3,8 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -104,10 +106,11 @@ TEST_CASE("ssim_11_gauss: taps") {
 }
 
 TEST_CASE("ssim_11_gauss: agrees with the two-dimensional window, borders included") {
-  for (const auto& [width, height, channels] :
+  for (const auto& shape :
        {std::array{37, 23, 3}, std::array{1, 1, 1}, std::array{3, 40, 3}, std::array{11, 5, 2}, std::array{64, 2, 1}}) {
-    CAPTURE(width);
-    const Image<float> a = noisy(width, height, channels, 1, 0.3f), b = noisy(width, height, channels, 2, 0.5f);
+    CAPTURE(shape[0]);
+    const Image<float> a = noisy(shape[0], shape[1], shape[2], 1, 0.3f);
+    const Image<float> b = noisy(shape[0], shape[1], shape[2], 2, 0.5f);
     CHECK(ssim_11_gauss(a, b) == doctest::Approx(naive_ssim(a, b)).epsilon(1e-5));
   }
 }
@@ -119,7 +122,7 @@ TEST_CASE("ssim_11_gauss: extremes") {
   for (std::size_t i = 0; i < a.size(); ++i) inverse.data()[i] = 1 - a.data()[i];
   CHECK(ssim_11_gauss(a, inverse) < 0);
   CHECK(ssim_11_gauss(a, inverse) == ssim_11_gauss(inverse, a));
-  CHECK(std::isfinite(ssim_11_gauss(Image<float>(9, 9, 3, kNan), a.width() ? Image<float>(9, 9, 3, kInf) : a)));
+  CHECK(std::isfinite(ssim_11_gauss(Image<float>(9, 9, 3, kNan), Image<float>(9, 9, 3, kInf))));
   CHECK(ssim_11_gauss(Image<float>(9, 9, 3, 5.f), Image<float>(9, 9, 3, 1.f)) == doctest::Approx(1.0));
   CHECK_THROWS_AS((void)ssim_11_gauss(a, Image<float>(30, 40, 3)), InvalidArgument);
 }
