@@ -18,24 +18,30 @@ jobs=${LANGGS_JOBS:-$(nproc)}
 passed=0 failed=0 skipped=0
 
 bash cmake/setup_machine.sh --tests || exit $?
-generator=()
-command -v ninja >/dev/null && generator=(-G Ninja)
+generator=() keep_going=(-k)
+if command -v ninja >/dev/null; then generator=(-G Ninja) keep_going=(-k 0); fi
 
 say() { printf '\n=== %s (%d s)\n' "$*" "$SECONDS"; }
 fail() { echo "FAILED: $*"; failed=$((failed + 1)); }
 skip() { echo "SKIPPED: $*"; skipped=$((skipped + 1)); }
 
-# build <name> <targets> <cmake options...>: configures and builds build/<name>; a failure counts as one failed test.
+# build <name> <targets> <cmake options...>: configures and builds build/<name>, as much of it as compiles; a failure
+# counts as one failed test. Returns 1 only when there is nothing to test.
 build() {
   local name=$1 targets=$2
   shift 2
   say "$name: build"
+  if ! cmake -S . -B "build/$name" "${generator[@]}" "$@" >"build/$name.log" 2>&1; then
+    tail -n 40 "build/$name.log"
+    fail "$name cannot be configured (whole log: build/$name.log)"
+    return 1
+  fi
   # shellcheck disable=SC2086
-  cmake -S . -B "build/$name" "${generator[@]}" "$@" >"build/$name.log" 2>&1 &&
-    cmake --build "build/$name" --parallel "$jobs" --target $targets >>"build/$name.log" 2>&1 && return 0
-  grep -E -A 15 'error|Error|FAILED' "build/$name.log" | head -n 100
-  fail "$name does not build (whole log: build/$name.log)"
-  return 1
+  if ! cmake --build "build/$name" --parallel "$jobs" --target $targets -- "${keep_going[@]}" >>"build/$name.log" 2>&1; then
+    grep -E -A 5 '(error|FAILED|undefined reference)' "build/$name.log" | cut -c 1-300 | head -n 100
+    fail "$name does not build (whole log: build/$name.log)"
+  fi
+  return 0
 }
 
 # run_ctest <name> <ctest options...>: runs the tests of build/<name> and adds up their results.
