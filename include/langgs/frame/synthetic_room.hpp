@@ -25,7 +25,7 @@ struct SyntheticRoomSettings {
   int frames = 180;               ///< length of the closed path, in [1, 100000]; longer ones see more of the room
   std::uint64_t seed = 1;         ///< of books, textures, the hand's sway, and all noise
   double field_of_view = 70;      ///< horizontal [degrees], in [20, 120]
-  double motion = 1;              ///< speed in [0.05, 10]: 1 is about 1.5 cm and 0.9 degrees per frame
+  double motion = 1;              ///< speed in [0.05, 10]: 1 is about 2 cm and 1 degree per frame
   double frames_per_second = 30;  ///< of the timestamps
   bool depth_noise = false;  ///< an error like that of a Kinect: quantised disparity, noise growing with z^2, holes
   double colour_noise = 0;   ///< standard deviation [8-bit levels], in [0, 64]

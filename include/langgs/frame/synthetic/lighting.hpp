@@ -3,9 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <utility>
 #include <vector>
 
 #include "langgs/frame/synthetic/scene.hpp"

@@ -15,7 +15,7 @@
 namespace langgs::detail {
 
 /// A closed walk in figures of eight while looking to and fro. Its length grows with the number of frames, so that the
-/// speed does not depend on it (about 1.5 cm and 0.9 degrees per frame at motion 1): a long walk sees
+/// speed does not depend on it (about 2 cm and 1 degree per frame at motion 1): a long walk sees
 /// most of the room, a short one a part of it. The hand's low-frequency sway makes each visit a little different.
 class HandheldPath {
  public:

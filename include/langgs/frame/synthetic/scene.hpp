@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <numbers>
-#include <utility>
 #include <vector>
 
 #include "langgs/frame/synthetic/classes.hpp"

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <utility>
 
 /// @file Solids of the synthetic room and where a ray meets them.
 
