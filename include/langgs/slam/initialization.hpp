@@ -43,7 +43,7 @@ template <int FeatDim>
     const Eigen::Quaternionf q_world = (q_world_camera * Eigen::Quaternionf(q[0], q[1], q[2], q[3])).normalized();
     g.rotation = {q_world.w(), q_world.x(), q_world.y(), q_world.z()};
     const float along = settings.spread * static_cast<float>(stride) * z / camera.fx;
-    g.log_scale.head<2>().setConstant(std::log(along));
+    g.log_scale.template head<2>().setConstant(std::log(along));
     g.log_scale[2] = std::log(along * settings.thickness);
     g.opacity_logit = std::log(settings.opacity / (1 - settings.opacity));
     for (int c = 0; c < 3; ++c) g.colour[c] = static_cast<float>(frame.colour(pixel.x(), pixel.y(), c)) / 255.f;

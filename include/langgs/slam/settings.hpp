@@ -9,6 +9,7 @@
 #include "langgs/optimize/learning_rates.hpp"
 #include "langgs/optimize/pose_refinement.hpp"
 #include "langgs/slam/initialization.hpp"
+#include "langgs/track/gicp_target.hpp"
 #include "langgs/track/gicp_tracker.hpp"
 #include "langgs/track/keyframe_policy.hpp"
 #include "langgs/track/motion_model.hpp"
@@ -36,16 +37,17 @@ struct TrackingSettings {
   SourceCloudSettings source;
   GicpSettings gicp;
   InitialGuess initial_guess = InitialGuess::constant_velocity;
+  TargetShape target_shape = TargetShape::isotropic;
   float min_target_opacity = 0.05f;  ///< map Gaussians fainter than this are not tracked against
 };
 
 /// Mapping (paper sections 3.2 to 3.4).
 struct MappingSettings {
   InitializationSettings initialization;
-  InsertionSettings insertion;
+  RedundancyFilter::Settings redundancy;
   GeometricLossWeights loss;
   LearningRates learning_rates;
-  PoseRefinementSettings pose_refinement;
+  PoseRefinement pose_refinement;
   bool refine_poses = true;
   FeatureRendering feature_rendering = FeatureRendering::topk;
 };

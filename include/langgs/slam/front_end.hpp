@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "langgs/frame/rgbd_frame.hpp"
+#include "langgs/io/tum_trajectory.hpp"
+#include "langgs/slam/report.hpp"
+#include "langgs/slam/settings.hpp"
+#include "langgs/track/gicp_target.hpp"
+#include "langgs/track/gicp_tracker.hpp"
+
+namespace langgs {
+
+/// A frame after tracking, with what mapping reuses from it.
+struct TrackedFrame {
+  FrameReport report;
+  SourceCloud cloud;
+  std::vector<float> squared_distance;  ///< [N] to the nearest map Gaussian; infinite where not known (section 3.3.2)
+};
+
+/// The tracking side (paper section 3): depth image -> source Gaussians -> G-ICP against the map -> keyframe decision.
+class FrontEnd {
+ public:
+  FrontEnd(const Camera& camera, const TrackingSettings& settings)
+      : camera_(camera), settings_(settings), tracker_(settings.gicp) {
+    validate(camera_);
+    motion_.guess = settings.initial_guess;
+  }
+
+  /// The map as tracking sees it. Shared: mapping goes on with a map of its own.
+  void set_target(std::shared_ptr<const GicpTarget> target) { target_ = std::move(target); }
+
+  /// Poses of all frames so far, given the current poses of the keyframes: a frame moves with its reference keyframe.
+  template <class Keyframes>
+  [[nodiscard]] std::vector<StampedPose> trajectory(const Keyframes& keyframes) const {
+    std::vector<StampedPose> result;
+    for (const Record& r : records_) {
+      const bool anchored = r.keyframe >= 0 && r.keyframe < static_cast<int>(keyframes.size());
+      const Pose T_world_reference = anchored ? keyframes[r.keyframe].T_world_camera : Pose::Identity();
+      result.push_back({r.timestamp, renormalized(T_world_reference * r.T_reference_camera)});
+    }
+    return result;
+  }
+
+  template <KeyframeSelector Policy>
+  [[nodiscard]] TrackedFrame track(const RgbdFrame& frame, const FrameRole& role, Policy& keyframe_policy,
+                                   WorkerPool& pool) {
+    const auto start = std::chrono::steady_clock::now();
+    TrackedFrame tracked;
+    FrameReport& report = tracked.report;
+    report.frame_index = static_cast<int>(records_.size());
+    report.T_world_camera = motion_.predict();
+    expect_shape(frame);
+    report.reason = unusable(frame);
+    if (report.reason.empty()) {
+      tracked.cloud = make_source_cloud(frame, camera_, settings_.source, pool);
+      if (tracked.cloud.num_trackable() < settings_.gicp.min_correspondences) report.reason = "too little valid depth";
+    }
+    report.skipped = !report.reason.empty();
+    if (!report.skipped) locate(frame, tracked, pool);
+
+    const bool placed = !report.skipped && report.reason.empty();
+    if (placed && !role.held_out)
+      report.keyframe = keyframe_policy.decide(report.overlap, num_keyframes_ == 0, role.is_last);
+    remember(frame, report, placed);
+    milliseconds_.push_back(std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - start).count());
+    return tracked;
+  }
+
+  [[nodiscard]] int num_frames() const { return static_cast<int>(records_.size()); }
+  [[nodiscard]] int num_lost() const { return lost_; }
+  [[nodiscard]] int num_skipped() const { return skipped_; }
+  [[nodiscard]] const std::vector<float>& milliseconds() const { return milliseconds_; }
+
+ private:
+  struct Record {
+    double timestamp;
+    int keyframe;  ///< reference keyframe, -1 before the first
+    Pose T_reference_camera;
+  };
+
+  void expect_shape(const RgbdFrame& frame) const {
+    LANGGS_EXPECTS(frame.colour.width() == camera_.width && frame.colour.height() == camera_.height &&
+                       frame.colour.channels() == 3,
+                   "colour image of frame ", records_.size(), " is [", frame.colour.height(), ", ",
+                   frame.colour.width(), ", ", frame.colour.channels(), "], the camera gives [", camera_.height, ", ",
+                   camera_.width, ", 3]; resize the image or the intrinsics (Camera::resized)");
+    LANGGS_EXPECTS(frame.depth.width() == camera_.width && frame.depth.height() == camera_.height,
+                   "depth image of frame ", records_.size(), " is [", frame.depth.height(), ", ", frame.depth.width(),
+                   "], the camera gives [", camera_.height, ", ", camera_.width, "]; register depth to colour first");
+  }
+
+  /// Why a frame cannot be used; empty if it can.
+  [[nodiscard]] std::string unusable(const RgbdFrame& frame) const {
+    if (!std::isfinite(frame.timestamp)) return "its time stamp is not finite";
+    if (frame.timestamp < last_timestamp_) return "its time stamp lies before the previous frame's";
+    if (settings_.poses == PoseSource::given && !frame.T_world_camera) return "it has no given pose";
+    if (settings_.poses == PoseSource::given && !is_finite(*frame.T_world_camera))
+      return "its given pose is not finite";
+    return {};
+  }
+
+  /// Pose, overlap and correspondence distances of a usable frame.
+  void locate(const RgbdFrame& frame, TrackedFrame& tracked, WorkerPool& pool) {
+    FrameReport& report = tracked.report;
+    const bool given = settings_.poses == PoseSource::given;
+    if (given) report.T_world_camera = *frame.T_world_camera;
+    if (target_ == nullptr) {  // the first frame defines the map
+      tracked.squared_distance.assign(tracked.cloud.size(), std::numeric_limits<float>::infinity());
+      return;
+    }
+    GicpResult result = given ? tracker_.evaluate(tracked.cloud, *target_, report.T_world_camera, pool)
+                              : tracker_.align(tracked.cloud, *target_, report.T_world_camera, pool);
+    report.status = result.status;
+    report.overlap = result.overlap;
+    report.T_world_camera = result.T_world_camera;
+    tracked.squared_distance = std::move(result.squared_distance);
+    if (!given && !has_pose(result.status)) {
+      report.reason = "tracking lost: too little of the map in view, or a motion too large";
+      ++lost_;
+    }
+  }
+
+  void remember(const RgbdFrame& frame, const FrameReport& report, bool placed) {
+    if (report.skipped) ++skipped_;
+    if (placed) {
+      if (num_keyframes_ == 0)
+        motion_.restart(report.T_world_camera);
+      else
+        motion_.observe(report.T_world_camera);
+    }
+    if (std::isfinite(frame.timestamp)) last_timestamp_ = std::max(last_timestamp_, frame.timestamp);
+    if (report.keyframe != KeyframeKind::none) {
+      ++num_keyframes_;
+      T_world_keyframe_ = report.T_world_camera;
+    }
+    records_.push_back({frame.timestamp, num_keyframes_ - 1, T_world_keyframe_.inverse() * report.T_world_camera});
+  }
+
+  Camera camera_;
+  TrackingSettings settings_;
+  GicpTracker tracker_;
+  MotionModel motion_;
+  std::shared_ptr<const GicpTarget> target_;
+  std::vector<Record> records_;
+  Pose T_world_keyframe_ = Pose::Identity();  ///< of the newest keyframe, as tracked
+  int num_keyframes_ = 0, lost_ = 0, skipped_ = 0;
+  double last_timestamp_ = -std::numeric_limits<double>::infinity();
+  std::vector<float> milliseconds_;
+};
+
+}  // namespace langgs

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "langgs/core/rng.hpp"
+#include "langgs/manage/insertion.hpp"
+#include "langgs/manage/pruning_policy.hpp"
+#include "langgs/map/gaussian_map.hpp"
+#include "langgs/map/keyframe.hpp"
+#include "langgs/optimize/adam.hpp"
+#include "langgs/optimize/feature_step.hpp"
+#include "langgs/optimize/geometric_loss.hpp"
+#include "langgs/optimize/hybrid_schedule.hpp"
+#include "langgs/optimize/pose_refinement.hpp"
+#include "langgs/render/topk_rasterizer.hpp"
+#include "langgs/slam/front_end.hpp"
+
+namespace langgs {
+
+/// The mapping side (paper sections 3.2 to 3.4): grows the map from keyframes and optimises it by rendering them.
+template <int FeatDim, int K, class Backend = Host>
+class Mapper {
+ public:
+  Mapper(const Camera& camera, const SlamSettings& settings)
+      : camera_(camera),
+        settings_(settings),
+        redundancy_(settings.mapping.redundancy),
+        loss_(settings.mapping.loss),
+        adam_(settings.mapping.learning_rates),
+        feature_step_(settings.mapping.learning_rates) {}
+
+  /// Inserts what a keyframe shows and the map does not have yet, and queues the keyframe for optimisation.
+  void add_keyframe(const TrackedFrame& tracked, const RgbdFrame& frame, FeatureMap<FeatDim> features) {
+    const FrameReport& report = tracked.report;
+    std::vector<Eigen::Vector3f> means;
+    means.reserve(tracked.cloud.points.size());
+    for (const Eigen::Vector3f& point : tracked.cloud.points)
+      means.push_back((report.T_world_camera * point.cast<double>()).template cast<float>());
+    std::vector<std::int32_t> chosen;
+    redundancy_.select({means, tracked.squared_distance}, chosen);
+    map_.append(make_gaussians(tracked.cloud, chosen, frame, camera_, features, report.T_world_camera,
+                               settings_.mapping.initialization, settings_.tracking.source.stride),
+                iteration_, static_cast<int>(keyframes_.size()));
+    inserted_ += static_cast<int>(chosen.size());
+    suppressed_ += tracked.cloud.size() - static_cast<int>(chosen.size());
+
+    unvisited_.push_back(static_cast<int>(keyframes_.size()));
+    keyframes_.push_back({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera,
+                          frame.colour, frame.depth, std::move(features)});
+    refinements_.emplace_back(report.T_world_camera.inverse(), /*is_fixed=*/refinements_.empty());
+  }
+
+  /// What tracking registers frames to: the opaque Gaussians of the map as it is now.
+  [[nodiscard]] std::shared_ptr<const GicpTarget> make_target() const {
+    const PlanesView g = map_.geometry();
+    const float min_logit =
+        std::log(settings_.tracking.min_target_opacity / (1 - settings_.tracking.min_target_opacity));
+    std::vector<Eigen::Vector3f> means, scales;
+    std::vector<Eigen::Vector4f> rotations;
+    for (int i = 0; i < g.size; ++i) {
+      if (!(g.plane(kOpacityLogit)[i] > min_logit)) continue;
+      means.emplace_back(g.plane(kMeanX)[i], g.plane(kMeanY)[i], g.plane(kMeanZ)[i]);
+      rotations.emplace_back(g.plane(kRotationW)[i], g.plane(kRotationX)[i], g.plane(kRotationY)[i],
+                             g.plane(kRotationZ)[i]);
+      scales.emplace_back(std::exp(g.plane(kLogScaleX)[i]), std::exp(g.plane(kLogScaleY)[i]),
+                          std::exp(g.plane(kLogScaleZ)[i]));
+    }
+    return std::make_shared<const GicpTarget>(
+        GicpTarget::from_gaussians(std::move(means), rotations, scales, settings_.tracking.target_shape));
+  }
+
+  /// One mapping iteration: render a keyframe, compare, step geometry and, when due, features; prune when due.
+  template <MapPruning Pruning, OptimizationSchedule Schedule>
+  void iterate(const Executor<Backend>& executor, const Pruning& pruning, const Schedule& schedule) {
+    if (keyframes_.empty()) return;
+    bool first_visit = false;
+    const int index = next_keyframe(first_visit);
+    Keyframe<FeatDim>& keyframe = keyframes_[index];
+    const View view(camera_, keyframe.T_world_camera);
+
+    const auto start = std::chrono::steady_clock::now();
+    rasterizer_.render(executor, map_.geometry(), view);  // Eqs. 1 and 2
+    collect_statistics(executor);
+    const OptimizationStep due = schedule(MappingVisit{iteration_, first_visit});
+    if (due.geometry) {
+      step_geometry(executor, view, keyframe, refinements_[index]);
+      geometry_ms_.push_back(since(start));
+    }
+    if (due.features && !keyframe.features.empty()) {
+      const auto feature_start = std::chrono::steady_clock::now();
+      step_features(executor, keyframe);
+      feature_ms_.push_back(since(feature_start));
+    }
+    ++keyframe.visits;
+    ++iteration_;
+    prune(executor, pruning);
+  }
+
+  [[nodiscard]] const GaussianMap<FeatDim, Backend>& map() const { return map_; }
+  [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return keyframes_; }
+  [[nodiscard]] double last_loss() const { return last_loss_; }
+
+  void report(SlamStatistics& s) const {
+    s.keyframes = static_cast<int>(keyframes_.size());
+    s.gaussians = map_.size();
+    s.geometry_iterations = static_cast<int>(geometry_ms_.size());
+    s.feature_iterations = static_cast<int>(feature_ms_.size());
+    s.inserted = inserted_;
+    s.suppressed = suppressed_;
+    s.pruned = pruned_;
+    s.geometry_ms = geometry_ms_;
+    s.feature_ms = feature_ms_;
+  }
+
+ private:
+  static float since(std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  /// New keyframes first, oldest first; then any, uniformly.
+  int next_keyframe(bool& first_visit) {
+    first_visit = !unvisited_.empty();
+    if (first_visit) {
+      const int index = unvisited_.front();
+      unvisited_.pop_front();
+      return index;
+    }
+    constexpr std::uint64_t kStream = 0x6b657966;  // of the choice of keyframes
+    return static_cast<int>(CounterRng{settings_.seed, kStream}.below(static_cast<std::uint64_t>(iteration_),
+                                                                      static_cast<std::uint32_t>(keyframes_.size())));
+  }
+
+  void step_geometry(const Executor<Backend>& executor, const View& view, Keyframe<FeatDim>& keyframe,
+                     PoseRefinementState& refinement) {
+    const std::size_t n = camera_.num_pixels();
+    for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(4 * n);
+    for_each_n(
+        executor, static_cast<int>(n),
+        UnpackTarget{keyframe.colour.data(), keyframe.depth.data(), target_.data(), static_cast<std::ptrdiff_t>(n)});
+    const RenderPlanes rendered = rasterizer_.rendered();
+    last_loss_ = loss_.evaluate(executor, {rendered.colour, rendered.depth, camera_.width, camera_.height},
+                                {target_.data(), target_.data() + 3 * n, camera_.width, camera_.height},
+                                {gradient_.data(), gradient_.data() + 3 * n});
+    rasterizer_.backward(executor, map_.geometry(), view, {gradient_.data(), gradient_.data() + 3 * n}, map_gradient_);
+    adam_.step(executor, map_, map_gradient_);
+    if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
+      keyframe.T_world_camera = settings_.mapping.pose_refinement.step(refinement, map_gradient_.pose()).inverse();
+  }
+
+  void step_features(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe) {
+    const SampleGrid grid{keyframe.features.width(), keyframe.features.height(), camera_};
+    if (settings_.mapping.feature_rendering == FeatureRendering::topk)
+      contributions_.from_topk(executor, rasterizer_, grid);
+    else
+      contributions_.from_blending(executor, rasterizer_.splats(), grid);
+    feature_step_.step(executor, map_, contributions_.view(), keyframe.features);
+  }
+
+  void collect_statistics(const Executor<Backend>& executor) {
+    Statistics<Backend>& s = map_.statistics;
+    const SplatStatistics seen = rasterizer_.statistics();
+    for_each_n(
+        executor, rasterizer_.splats().num_splats(),
+        Collect{rasterizer_.splats().gaussian(), seen, s.topk_count.data(), s.max_weight.data(), s.num_views.data()});
+  }
+
+  template <MapPruning Pruning>
+  void prune(const Executor<Backend>& executor, const Pruning& pruning) {
+    if (!pruning.due(iteration_)) return;
+    const PruningReport report = pruning.select(iteration_, pruning_statistics(map_), keep_);
+    const int removed = map_.prune(keep_);
+    pruned_ += removed;
+    const PlanesView g = map_.geometry();
+    if (removed > 0)
+      redundancy_.rebuild(
+          g.size, [&](int i) { return Eigen::Vector3f(g.plane(kMeanX)[i], g.plane(kMeanY)[i], g.plane(kMeanZ)[i]); });
+    Statistics<Backend>& s = map_.statistics;
+    if (report.reset_statistics)
+      for_each_n(executor, g.size, Reset{s.topk_count.data(), s.max_weight.data(), s.num_views.data()});
+  }
+
+  struct UnpackTarget {
+    const std::uint8_t* colour;  ///< [H, W, 3]
+    const float* depth;
+    float* out;  ///< [4, H, W]
+    std::ptrdiff_t plane;
+    LANGGS_HD void operator()(int p) const {
+      for (int c = 0; c < 3; ++c) out[c * plane + p] = static_cast<float>(colour[3 * p + c]) * (1.f / 255.f);
+      out[3 * plane + p] = depth[p];
+    }
+  };
+  struct Collect {
+    const std::int32_t* gaussian;
+    SplatStatistics seen;
+    std::int32_t* topk_count;
+    float* max_weight;
+    std::int32_t* num_views;
+    LANGGS_HD void operator()(int c) const {
+      const int i = gaussian[c];
+      topk_count[i] += seen.topk_count[c];
+      max_weight[i] = max(max_weight[i], seen.max_weight[c]);
+      ++num_views[i];
+    }
+  };
+
+  struct Reset {
+    std::int32_t* topk_count;
+    float* max_weight;
+    std::int32_t* num_views;
+    LANGGS_HD void operator()(int i) const {
+      topk_count[i] = 0;
+      max_weight[i] = 0;
+      num_views[i] = 0;
+    }
+  };
+
+  Camera camera_;
+  SlamSettings settings_;
+  GaussianMap<FeatDim, Backend> map_;
+  std::vector<Keyframe<FeatDim>> keyframes_;
+  std::vector<PoseRefinementState> refinements_;
+  std::deque<int> unvisited_;
+  RedundancyFilter redundancy_;
+  TopKRasterizer<K, Backend> rasterizer_;
+  GeometricLoss<Backend> loss_;
+  MapGradient<Backend> map_gradient_;
+  SelectiveAdam<Backend> adam_;
+  Contributions<Backend> contributions_;
+  FeatureStep<FeatDim, Backend> feature_step_;
+  Buffer<float, Backend> target_, gradient_;
+  std::vector<std::int32_t> keep_;
+  int iteration_ = 0, inserted_ = 0, suppressed_ = 0, pruned_ = 0;
+  double last_loss_ = 0;
+  std::vector<float> geometry_ms_, feature_ms_;
+};
+
+}  // namespace langgs

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "langgs/frame/feature_map.hpp"
+#include "langgs/render/feature_compositor.hpp"
+#include "langgs/slam/front_end.hpp"
+#include "langgs/slam/mapper.hpp"
+#include "langgs/slam/realtime.hpp"
+#include "langgs/slam/report.hpp"
+#include "langgs/slam/settings.hpp"
+#include "langgs/slam/view_renderer.hpp"
+
+namespace langgs {
+
+/// LangGS-SLAM: an RGB-D camera comes in, a map of 3D Gaussians with language features grows.
+///
+/// The policies are public members: replace them by types of your own, or set their fields, before the first frame.
+/// `process` is the lockstep schedule: the same input gives the same bits, for any number of threads.
+/// `run_realtime` is the same pipeline with tracking and mapping in threads of their own.
+template <int FeatDim, int K = 3, class Pruning = PruningPolicy, class Schedule = HybridSchedule>
+class LangGsSlam {
+  static_assert(FeatDim >= 1 && FeatDim <= 4096, "FeatDim must be in [1, 4096]; LSeg and CLIP ViT-B/32 use 512");
+  static_assert(require_map_pruning<Pruning>() && require_optimization_schedule<Schedule>());
+  static_assert(K >= 1 && K <= 16, "LangGsSlam<FeatDim, K>: K must be in [1, 16]; the paper uses 3");
+
+ public:
+  using Map = GaussianMap<FeatDim, Host>;
+
+  LangGsSlam(const Camera& camera, const SlamSettings& settings)
+      : camera_(camera),
+        settings_(checked(settings)),
+        executor_(settings.num_threads),
+        front_end_(camera, settings.tracking),
+        mapper_(camera, settings) {}
+
+  Pruning pruning;                 ///< when and what to remove (section 3.3.1)
+  Schedule schedule;               ///< when to step which field (section 3.4)
+  KeyframePolicy keyframe_policy;  ///< which frames train the map (section 3)
+
+  /// One frame, then `iterations_per_frame` mapping iterations. Throws InvalidArgument for an image of the wrong shape;
+  /// a frame that is well formed but not usable is skipped and reported.
+  template <FeatureSource<FeatDim> Features>
+  FrameReport process(const RgbdFrame& frame, Features& features, const FrameRole& role = {}) {
+    TrackedFrame tracked = front_end_.track(frame, role, keyframe_policy, executor_.pool());  // section 3
+    if (tracked.report.keyframe != KeyframeKind::none) {
+      mapper_.add_keyframe(tracked, frame, features(frame));  // section 3.3.2
+      front_end_.set_target(mapper_.make_target());
+    }
+    iterate(settings_.iterations_per_frame);  // sections 3.2 to 3.4
+    tracked.report.num_gaussians = mapper_.map().size();
+    tracked.report.loss = mapper_.last_loss();
+    return tracked.report;
+  }
+
+  /// The mapping iterations after the last frame, if any are asked for.
+  void finish() { iterate(settings_.final_iterations); }
+
+  /// Tracks the frames of `source` at up to `fps` frames per second (0: as they come) in the calling thread, while a
+  /// second thread maps. `observer(report)` is called after each frame and returns false to stop early.
+  template <FrameSource Source, FeatureSource<FeatDim> Features, class Observer>
+  void run_realtime(Source& source, Features& features, Observer&& observer, double fps = 0) {
+    RealtimeRunner runner{front_end_, mapper_, keyframe_policy, pruning, schedule};
+    runner.run(source, features, observer, {fps, settings_.num_threads});
+  }
+
+  [[nodiscard]] const Map& map() const { return mapper_.map(); }
+  [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return mapper_.keyframes(); }
+  [[nodiscard]] const Camera& camera() const { return camera_; }
+  /// Poses of all frames so far, with the keyframes' refinement carried to the frames between them.
+  [[nodiscard]] std::vector<StampedPose> trajectory() const { return front_end_.trajectory(mapper_.keyframes()); }
+
+  [[nodiscard]] SlamStatistics statistics() const {
+    SlamStatistics s;
+    mapper_.report(s);
+    s.frames = front_end_.num_frames();
+    s.lost_frames = front_end_.num_lost();
+    s.skipped_frames = front_end_.num_skipped();
+    s.track_ms = front_end_.milliseconds();
+    return s;
+  }
+
+  /// Colour and depth of any view.
+  [[nodiscard]] RenderedImages render(const Camera& camera, const Pose& T_world_camera) {
+    return renderer_.images(executor_, map(), View(camera, T_world_camera));
+  }
+  /// Features [height, width, FeatDim] of any view, Top-K composited at the pixel centres of a width x height map.
+  [[nodiscard]] std::vector<float> feature_image(const Camera& camera, const Pose& T_world_camera, int width,
+                                                 int height) {
+    return renderer_.features(executor_, map(), View(camera, T_world_camera), {width, height, camera});
+  }
+  /// Per pixel the row of `class_vectors` [num_rows, FeatDim] nearest in direction to the rendered feature; row 0
+  /// stands for "nothing" and is given where no Gaussian is seen.
+  [[nodiscard]] Image<std::uint16_t> label_image(const Camera& camera, const Pose& T_world_camera,
+                                                 const std::vector<float>& class_vectors) {
+    return renderer_.labels(executor_, map(), View(camera, T_world_camera), class_vectors);
+  }
+
+ private:
+  static const SlamSettings& checked(const SlamSettings& settings) {
+    validate(settings);
+    return settings;
+  }
+  void iterate(int n) {
+    for (int i = 0; i < n; ++i) mapper_.iterate(executor_, pruning, schedule);
+  }
+
+  Camera camera_;
+  SlamSettings settings_;
+  Executor<Host> executor_;
+  FrontEnd front_end_;
+  Mapper<FeatDim, K> mapper_;
+  ViewRenderer<FeatDim, K> renderer_;
+};
+
+}  // namespace langgs

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "langgs/map/gaussian_map.hpp"
+#include "langgs/render/contributions.hpp"
+#include "langgs/render/feature_compositor.hpp"
+#include "langgs/render/topk_rasterizer.hpp"
+#include "langgs/slam/report.hpp"
+
+namespace langgs {
+
+/// Renders a map for looking at and for evaluation; mapping has its own rasteriser.
+template <int FeatDim, int K>
+class ViewRenderer {
+ public:
+  using Map = GaussianMap<FeatDim, Host>;
+
+  [[nodiscard]] RenderedImages images(const Executor<Host>& executor, const Map& map, const View& view) {
+    rasterizer_.render(executor, map.geometry(), view, /*record_topk=*/false);
+    const int width = view.camera.width, height = view.camera.height, n = view.camera.num_pixels();
+    RenderedImages images{Image<float>(width, height, 3), Image<float>(width, height), Image<float>(width, height)};
+    const RenderPlanes planes = rasterizer_.rendered();
+    for (int p = 0; p < n; ++p) {
+      for (int c = 0; c < 3; ++c)
+        images.colour.data()[3 * p + c] = planes.colour[static_cast<std::ptrdiff_t>(c) * n + p];
+      images.depth.data()[p] = planes.depth[p];
+      images.transmittance.data()[p] = planes.transmittance[p];
+    }
+    return images;
+  }
+
+  /// [grid.height, grid.width, FeatDim] (paper Eq. 4); zeros where nothing is seen.
+  [[nodiscard]] std::vector<float> features(const Executor<Host>& executor, const Map& map, const View& view,
+                                            const SampleGrid& grid) {
+    rasterizer_.render(executor, map.geometry(), view);
+    contributions_.from_topk(executor, rasterizer_, grid);
+    std::vector<float> out(static_cast<std::size_t>(grid.width) * grid.height * FeatDim);
+    composite_features<FeatDim>(executor, contributions_.view(), map.features().data(), out.data());
+    return out;
+  }
+
+  /// argmax over the rows of `class_vectors` of F(p) . t. The compositing is linear, so each Gaussian is compared with
+  /// the prompts once and the scores are composited instead of the features.
+  [[nodiscard]] Image<std::uint16_t> labels(const Executor<Host>& executor, const Map& map, const View& view,
+                                            const std::vector<float>& class_vectors) {
+    LANGGS_EXPECTS(!class_vectors.empty() && class_vectors.size() % FeatDim == 0, "class vectors hold ",
+                   class_vectors.size(), " values; give [num_classes + 1, ", FeatDim, "]");
+    const int rows = static_cast<int>(class_vectors.size() / FeatDim);
+    scores_.assign(static_cast<std::size_t>(map.size()) * rows, 0.f);
+    for_each_n(executor, map.size(), [&](int g) {
+      const float* feature = map.features().row(g);
+      for (int r = 1; r < rows; ++r) {
+        const float* prompt = class_vectors.data() + static_cast<std::size_t>(r) * FeatDim;
+        float dot = 0;
+        for (int c = 0; c < FeatDim; ++c) dot += feature[c] * prompt[c];
+        scores_[static_cast<std::size_t>(g) * rows + r] = dot;
+      }
+    });
+    rasterizer_.render(executor, map.geometry(), view);
+    contributions_.from_topk(executor, rasterizer_, {view.camera.width, view.camera.height, view.camera});
+    const ContributionView hits = contributions_.view();
+    Image<std::uint16_t> labels(view.camera.width, view.camera.height);
+    for_each_n(executor, hits.num_pixels, [&](int p) {
+      int best = 0;
+      float best_score = 0;
+      for (int r = 1; r < rows && hits.begin[p] < hits.begin[p + 1]; ++r) {
+        float score = 0;
+        for (int i = hits.begin[p]; i < hits.begin[p + 1]; ++i)
+          score += hits.weight[i] * scores_[static_cast<std::size_t>(hits.gaussian[i]) * rows + r];
+        if (best == 0 || score > best_score) {
+          best = r;
+          best_score = score;
+        }
+      }
+      labels.data()[p] = static_cast<std::uint16_t>(best);
+    });
+    return labels;
+  }
+
+ private:
+  TopKRasterizer<K, Host> rasterizer_;
+  Contributions<Host> contributions_;
+  std::vector<float> scores_;
+};
+
+}  // namespace langgs
