@@ -71,7 +71,8 @@ class TopKRasterizer {
  private:
   void render_recording(const Executor<Backend>& executor) {
     const int instances = splats_.num_instances();
-    for (auto* buffer : {&instance_gaussian_, &instance_count_, &slot_count_}) buffer->resize_discard(instances);
+    // One more than needed: lanes without a hit gather element 0, which must exist even in an empty view.
+    for (auto* buffer : {&instance_gaussian_, &instance_count_, &slot_count_}) buffer->resize_discard(instances + 1);
     slot_max_weight_.resize_discard(instances);
     instance_count_.fill(0);
     slot_max_weight_.fill(0.f);
