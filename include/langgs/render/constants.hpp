@@ -19,6 +19,8 @@ struct RasterConstants {
   static constexpr float kLowPass = 0.3f;
   /// Gaussians whose mean is nearer than this are not drawn [m].
   static constexpr float kNearPlane = 0.05f;
+  /// Gaussians with a depth [m] or colour beyond this are not drawn, so that no sum over a ray can overflow.
+  static constexpr float kLargestValue = 1e9f;
   /// The projection is linearised at most this share of the image size beyond the image's border.
   static constexpr float kFrustumMargin = 0.15f;
 

@@ -46,10 +46,12 @@ struct ProjectGaussians {
     splat_extent(p, half_width, half_height);
     const float right = static_cast<float>(view.camera.width - 1), bottom = static_cast<float>(view.camera.height - 1);
     // Written so that a NaN anywhere makes the Gaussian invisible.
-    const auto visible_mask = (p.t[2] > RasterConstants::kNearPlane) & (half_width > 0.f) & (p.determinant > 0.f) &
-                              (p.determinant < 1e30f) & (p.pixel[0] + half_width >= 0.f) &
-                              (p.pixel[0] - half_width <= right) & (p.pixel[1] + half_height >= 0.f) &
-                              (p.pixel[1] - half_height <= bottom);
+    const auto usable = [&](const F& v) { return abs(v) < RasterConstants::kLargestValue; };
+    const auto visible_mask =
+        (p.t[2] > RasterConstants::kNearPlane) & (half_width > 0.f) & (p.determinant > 0.f) & (p.determinant < 1e30f) &
+        (p.pixel[0] + half_width >= 0.f) & (p.pixel[0] - half_width <= right) & (p.pixel[1] + half_height >= 0.f) &
+        (p.pixel[1] - half_height <= bottom) & usable(p.t[2]) & usable(lanes.load(map.plane(kRed))) &
+        usable(lanes.load(map.plane(kGreen))) & usable(lanes.load(map.plane(kBlue)));
     const auto put = [&](ProjectedPlane plane, const F& v) { lanes.store(projected + plane * stride, v); };
     put(kPixelX, p.pixel[0]);
     put(kPixelY, p.pixel[1]);
