@@ -166,7 +166,7 @@ LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
   return r;
 }
 
-/// e^x for x in [-87, 88]; smaller x give e^-87, which is 1.6e-38. Relative error below 2e-7 + 6e-8 |x|.
+/// e^x for x in [-87, 88]; smaller x give e^-87, which is 1.6e-38. Relative error below 2e-7 + 8e-8 |x|.
 LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   constexpr float kMagic = 12582912.f;  // 1.5 * 2^23: adding it rounds to the nearest integer

@@ -33,7 +33,9 @@ struct SsimLayout {
 
   SsimLayout(int w, int h) : width(w), height(h), pitch((w + kSsimRadius + 31) / 32 * 32) {}
   [[nodiscard]] int size() const { return pitch * height; }  ///< without the margins above and below
-  [[nodiscard]] int margin() const { return pitch * kSsimRadius; }
+  /// Zeros before the first image row, and behind the last one: the rows that windows reach, and what the taps left of
+  /// the first and right of the last of these touch.
+  [[nodiscard]] int margin() const { return pitch * kSsimRadius + 32; }
   [[nodiscard]] std::size_t plane_size() const { return static_cast<std::size_t>(size()) + 2 * margin(); }
   friend bool operator==(const SsimLayout&, const SsimLayout&) = default;
 
