@@ -230,7 +230,12 @@ TEST_CASE("recording does not change the image, and buffers may be reused") {
   used.render(executor, big_map.geometry(), big.view());
   used.render(executor, small_map.geometry(), small.view(), false);
   const std::vector<float> plain(used.rendered().colour, used.rendered().colour + 5 * used.num_pixels());
-  CHECK(plain == record<3>(small).planes);
+  const std::vector<float> recorded = record<3>(small).planes;
+  REQUIRE(plain.size() == recorded.size());
+  double worst = 0;  // not 0: a compiler may fuse other multiplications and additions in another instantiation
+  for (std::size_t i = 0; i < plain.size(); ++i)
+    worst = std::max(worst, static_cast<double>(std::abs(plain[i] - recorded[i])));
+  CHECK(worst < 2e-6);
   used.render(executor, big_map.geometry(), big.view());
   const Recorded fresh = record<3>(big);
   CHECK(std::equal(fresh.id.begin(), fresh.id.end(), used.topk_id()));
