@@ -19,5 +19,6 @@ LANGGS_INLINE float abs(float a) { return a < 0 ? -a : a; }
 LANGGS_INLINE float exp(float x) { return ::expf(max(x, -87.f)); }
 LANGGS_INLINE float log(float x) { return ::logf(x); }
 LANGGS_INLINE float sqrt(float x) { return ::sqrtf(x); }
+LANGGS_INLINE float to_float(int a) { return static_cast<float>(a); }
 
 }  // namespace langgs

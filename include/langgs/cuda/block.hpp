@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "langgs/core/config.hpp"
+#include "langgs/core/half.hpp"
+#include "langgs/device/math.hpp"
+
+/// @file The CUDA twin of host/block.hpp, name for name. A lane is a thread, so `Varying<T>` is a plain T and a mask is
+/// a bool. See device/block.hpp for the rules.
+
+namespace langgs::cuda {
+
+inline constexpr int kLanes = 32;
+inline constexpr unsigned kAllLanes = 0xFFFFFFFFu;
+
+using Mask = bool;
+
+/// Shared memory of a block; lives in the kernel's `Shared` struct and is not initialised.
+template <class T, int N>
+class SharedArray {
+ public:
+  static constexpr int kSize = N;
+  __device__ __forceinline__ const T& operator[](int i) const { return values_[i]; }
+  __device__ __forceinline__ void set(int i, const T& value) { values_[i] = value; }
+  /// Elements first .. first + 31, one for each lane of a warp.
+  template <class Warp>
+  [[nodiscard]] __device__ __forceinline__ T load(int first, const Warp& warp) const {
+    return values_[first + warp.lane_index()];
+  }
+  /// The whole warp sees the stored elements afterwards: lanes need not run in lock step.
+  template <class Warp>
+  __device__ __forceinline__ void store(int first, const T& value, const Warp& warp) {
+    values_[first + warp.lane_index()] = value;
+    __syncwarp();
+  }
+
+ private:
+  alignas(16) T values_[N];
+};
+
+struct Thread {
+  int index;
+};
+
+/// 32 lanes; code at warp scope is run by all of them and takes the same branches in all of them.
+class Warp {
+ public:
+  __device__ __forceinline__ explicit Warp(int thread) : index_(thread / kLanes), lane_(thread % kLanes) {}
+  [[nodiscard]] __device__ __forceinline__ int index() const { return index_; }
+  /// 0 .. 31.
+  [[nodiscard]] __device__ __forceinline__ std::int32_t lane_index() const { return lane_; }
+  [[nodiscard]] __device__ __forceinline__ bool any(Mask mask) const { return __any_sync(kAllLanes, mask) != 0; }
+  [[nodiscard]] __device__ __forceinline__ bool all(Mask mask) const { return __all_sync(kAllLanes, mask) != 0; }
+  /// The tree xor 16, 8, 4, 2, 1: the host's order of additions, and the same bits in every lane.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T sum(T value) const {
+#pragma unroll
+    for (int step = kLanes / 2; step >= 1; step /= 2) value = value + __shfl_xor_sync(kAllLanes, value, step);
+    return value;
+  }
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T max(T value) const {
+#pragma unroll
+    for (int step = kLanes / 2; step >= 1; step /= 2) {
+      const T other = __shfl_xor_sync(kAllLanes, value, step);
+      value = value > other ? value : other;
+    }
+    return value;
+  }
+  /// base[0 .. 31] for the 32 lanes.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T load(const T* base) const {
+    return base[lane_];
+  }
+  /// The same from half precision; lanes from `count` on are 0 and are not read.
+  [[nodiscard]] __device__ __forceinline__ float load_half(const Half* base, int count) const {
+    return lane_ < count ? static_cast<float>(base[lane_]) : 0.f;
+  }
+  /// Bit i is set where the mask holds in lane i.
+  [[nodiscard]] __device__ __forceinline__ std::uint32_t ballot(Mask mask) const {
+    return __ballot_sync(kAllLanes, mask);
+  }
+  /// The mask whose bits are set in `word`.
+  [[nodiscard]] __device__ __forceinline__ Mask unballot(std::uint32_t word) const {
+    return ((word >> lane_) & 1u) != 0;
+  }
+  /// base[index] = v in the lanes where `wanted`.
+  template <class T>
+  __device__ __forceinline__ void scatter(T* base, std::int32_t index, Mask wanted, T v) const {
+    if (wanted) base[index] = v;
+  }
+  /// base[index] in the lanes where `wanted`, `otherwise` in the others.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index, Mask wanted, T otherwise) const {
+    return wanted ? base[index] : otherwise;
+  }
+
+  /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.
+  template <int kColumns, class T>
+  [[nodiscard]] __device__ __forceinline__ T load_rect(const T* base, std::ptrdiff_t pitch, int columns, int rows,
+                                                       T outside) const {
+    const int row = lane_ / kColumns, column = lane_ % kColumns;
+    return row < rows && column < columns ? base[row * pitch + column] : outside;
+  }
+  template <int kColumns, class T>
+  __device__ __forceinline__ void store_rect(T* base, std::ptrdiff_t pitch, int columns, int rows, T v) const {
+    const int row = lane_ / kColumns, column = lane_ % kColumns;
+    if (row < rows && column < columns) base[row * pitch + column] = v;
+  }
+
+  /// Calls `body(j)` for the j in [0, n), in ascending order, for which `wanted(j)` holds; `body` returns false to
+  /// stop. Each lane asks about one j; the answers are shared by a ballot.
+  template <class Wanted, class Body>
+  __device__ __forceinline__ void for_each_selected(int n, Wanted wanted, Body body) const {
+    for (int begin = 0; begin < n; begin += kLanes) {
+      const int mine = begin + lane_;
+      for (std::uint32_t left = ballot(mine < n && wanted(mine)); left != 0; left &= left - 1)
+        if (!body(begin + __ffs(static_cast<int>(left)) - 1)) return;
+    }
+  }
+
+ private:
+  int index_, lane_;
+};
+
+/// kThreads threads that share memory and meet at `sync`.
+template <int kThreads_>
+class Block {
+ public:
+  static constexpr int kThreads = kThreads_;
+  static constexpr int kWarps = kThreads / kLanes;
+  static constexpr bool kChecked = false;
+  static_assert(kThreads % kLanes == 0 && kThreads <= 1024, "a block has 1 to 32 whole warps of 32 threads");
+
+  template <class T>
+  using Varying = T;
+  using Mask = cuda::Mask;
+  using Warp = cuda::Warp;
+  template <class T, int N>
+  using SharedArray = cuda::SharedArray<T, N>;
+
+  /// One value for each thread that lives across phases: a register.
+  template <class T>
+  class PerThread {
+   public:
+    __device__ __forceinline__ T& operator[](Thread) { return value_; }
+    __device__ __forceinline__ T load(const Warp&) const { return value_; }
+    __device__ __forceinline__ void store(const Warp&, const T& v) { value_ = v; }
+
+   private:
+    T value_;
+  };
+
+  Block() = default;
+  Block(const Block&) = delete;
+  Block& operator=(const Block&) = delete;
+
+  [[nodiscard]] __device__ __forceinline__ int index() const { return static_cast<int>(blockIdx.x); }
+
+  template <class F>
+  __device__ __forceinline__ void threads(F&& body) {
+    body(Thread{static_cast<int>(threadIdx.x)});
+  }
+  template <class F>
+  __device__ __forceinline__ void warps(F&& body) {
+    const Warp warp(static_cast<int>(threadIdx.x));
+    body(warp);
+  }
+  __device__ __forceinline__ void sync() { __syncthreads(); }
+  /// Whether `mask_of(warp)` holds in every lane of every warp. Also a barrier.
+  template <class MaskOf>
+  [[nodiscard]] __device__ __forceinline__ bool all(MaskOf&& mask_of) {
+    return __syncthreads_and(mask_of(Warp(static_cast<int>(threadIdx.x)))) != 0;
+  }
+  /// Adds 1 to counters[index] for each lane where `wanted`. Integers commute: the order does not matter.
+  __device__ __forceinline__ void count(std::int32_t* counters, std::int32_t index, Mask wanted) const {
+    if (wanted) atomicAdd(counters + index, 1);
+  }
+};
+
+/// One element of a one-dimensional range, as seen by the thread that owns it.
+class Lanes {
+ public:
+  template <class T>
+  using Varying = T;
+  using Mask = cuda::Mask;
+
+  __device__ __forceinline__ explicit Lanes(int index) : index_(index) {}
+  [[nodiscard]] __device__ __forceinline__ int first() const { return index_; }
+  [[nodiscard]] __device__ __forceinline__ int count() const { return 1; }
+  [[nodiscard]] __device__ __forceinline__ std::int32_t index() const { return index_; }
+  /// base[index()].
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T load(const T* base) const {
+    return base[index_];
+  }
+  template <class T>
+  __device__ __forceinline__ void store(T* base, const T& v) const {
+    base[index_] = v;
+  }
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index) const {
+    return base[index];
+  }
+  /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * N + v], in row order.
+  template <int N>
+  __device__ __forceinline__ void sum_segments(const std::int32_t* begin, const float* rows, float (&sums)[N]) const {
+#pragma unroll
+    for (int v = 0; v < N; ++v) sums[v] = 0;
+    for (std::int32_t r = begin[index_]; r < begin[index_ + 1]; ++r) {
+#pragma unroll
+      for (int v = 0; v < N; ++v) sums[v] += rows[static_cast<std::ptrdiff_t>(r) * N + v];
+    }
+  }
+  template <class T>
+  __device__ __forceinline__ void scatter(T* base, std::int32_t index, const T& v) const {
+    base[index] = v;
+  }
+
+ private:
+  int index_;
+};
+
+}  // namespace langgs::cuda

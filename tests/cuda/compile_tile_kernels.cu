@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernels that the host tests run, compiled by nvcc from the same source. tests/checks/compile_cuda.sh reads the
+// registers and spills of each.
+#include "langgs/device/launch.hpp"
+#include "langgs/optimize/feature_step.hpp"
+#include "langgs/render/contributions.hpp"
+#include "langgs/render/feature_compositor.hpp"
+#include "langgs/render/map_gradient.hpp"
+#include "langgs/render/splat_list.hpp"
+#include "langgs/render/tile_backward.hpp"
+#include "langgs/render/tile_forward.hpp"
+
+namespace langgs {
+
+template void launch(const Executor<Cuda>&, int, const TileForward<0>&);
+template void launch(const Executor<Cuda>&, int, const TileForward<1>&);
+template void launch(const Executor<Cuda>&, int, const TileForward<3>&);
+template void launch(const Executor<Cuda>&, int, const TileForward<5>&);
+template void launch(const Executor<Cuda>&, int, const TileForward<10>&);
+template void launch(const Executor<Cuda>&, int, const TileBackward&);
+template void launch(const Executor<Cuda>&, int, const detail::RecordHits&);
+template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512>&);
+template void launch(const Executor<Cuda>&, int, const FeatureSigns<512>&);
+template void launch(const Executor<Cuda>&, int, const FeatureUpdate<512>&);
+
+template void for_each_lanes(const Executor<Cuda>&, int, const ProjectGaussians&);
+template void for_each_lanes(const Executor<Cuda>&, int, const GatherGradient&);
+template void for_each_n(const Executor<Cuda>&, int, const PackSplats&);
+template void for_each_n(const Executor<Cuda>&, int, const EmitInstances&);
+
+}  // namespace langgs
