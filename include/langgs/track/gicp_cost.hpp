@@ -50,8 +50,7 @@ struct NormalEquations {
 
 class GicpCost {
  public:
-  GicpCost(const SourceCloud& source, const GicpTarget& target, double robust_width, WorkerPool& pool)
-      : target_(target), squared_width_(robust_width * robust_width), pool_(pool) {
+  GicpCost(const SourceCloud& source, const GicpTarget& target, WorkerPool& pool) : target_(target), pool_(pool) {
     pairs_.reserve(source.points.size());
     for (int i = 0; i < source.size(); ++i) {
       if (!source.trackable[i]) continue;
@@ -89,8 +88,11 @@ class GicpCost {
     });
   }
 
-  /// Linearises about pose T with the present correspondences, whose precisions it sets for that pose (A.6.3).
-  [[nodiscard]] NormalEquations linearise(const Pose& T_world_camera, const Eigen::Vector3d& centre) {
+  /// Linearises about pose T with the present correspondences, whose precisions it sets for that pose (A.6.3). A
+  /// correspondence `robust_width` off along its normal has half its weight (Cauchy kernel); 0: no kernel.
+  [[nodiscard]] NormalEquations linearise(const Pose& T_world_camera, const Eigen::Vector3d& centre,
+                                          double robust_width) {
+    const double squared_width = robust_width * robust_width;
     return sum<NormalEquations>([&](int i, NormalEquations& sum) {
       GicpPair& pair = pairs_[i];
       pair.precision.setZero();
@@ -106,7 +108,7 @@ class GicpCost {
       // The trace is nearly the precision along the normal alone: this is the distance along it.
       const double squared_normal_distance = squared / precision.trace();
       if (!(squared_normal_distance >= 0)) return;
-      const double kernel = squared_width_ > 0 ? 1 / (1 + squared_normal_distance / squared_width_) : 1;
+      const double kernel = squared_width > 0 ? 1 / (1 + squared_normal_distance / squared_width) : 1;
       const double weight = pair.weight * kernel;
       pair.precision = weight * precision;
 
@@ -157,7 +159,6 @@ class GicpCost {
   }
 
   const GicpTarget& target_;
-  double squared_width_;
   WorkerPool& pool_;
   std::vector<GicpPair> pairs_;
   Eigen::Vector3d centroid_ = Eigen::Vector3d::Zero();

@@ -57,7 +57,7 @@ class GicpTarget {
     tree_ = std::make_unique<const NeighbourTree>(std::move(means));
   }
 
-  /// From map Gaussians: means [N, 3], quaternions [N, 4] as w, x, y, z (any length but 0), scales [N, 3] standard
+  /// From map Gaussians: means [N, 3], quaternions [N, 4] as w, x, y, z (any length), scales [N, 3] standard
   /// deviations in metres (after exp). Throws InvalidArgument if the lengths differ.
   static GicpTarget from_gaussians(std::vector<Eigen::Vector3f> means, const std::vector<Eigen::Vector4f>& quaternions,
                                    const std::vector<Eigen::Vector3f>& scales, TargetShape shape) {
@@ -68,12 +68,15 @@ class GicpTarget {
     return GicpTarget(std::move(means), std::move(covariances));
   }
 
-  /// World covariance of one Gaussian as the registration sees it: relative to its own middle axis, no unit.
+  /// World covariance of one Gaussian as the registration sees it: relative to its own middle axis, no unit. Isotropic
+  /// too where the Gaussian has no surface: fewer than two positive scales, or values that are not finite.
   [[nodiscard]] static Eigen::Matrix3f target_covariance(const Eigen::Vector4f& quaternion,
                                                          const Eigen::Vector3f& scales, TargetShape shape) {
-    if (shape == TargetShape::isotropic) return kIsotropicTarget * Eigen::Matrix3f::Identity();
+    const Eigen::Matrix3f isotropic = kIsotropicTarget * Eigen::Matrix3f::Identity();
+    if (shape == TargetShape::isotropic || !scales.allFinite() || !quaternion.allFinite()) return isotropic;
     Eigen::Vector3f sorted = scales;
     std::sort(sorted.data(), sorted.data() + 3);
+    if (!(sorted[1] > 0)) return isotropic;  // a needle or a point has no surface
     const Eigen::Vector3f ratio = scales / sorted[1];
     const Eigen::Vector3f variances = ratio.cwiseAbs2().cwiseMax(kThinnestTarget).cwiseMin(1.0f);
     const Eigen::Matrix3f axes =

@@ -21,8 +21,10 @@
 namespace langgs {
 
 struct GicpSettings {
-  double max_distance = 0.10;         ///< correspondences are closer than this [m]
-  double coarse_distance = 0.20;      ///< the same in the first iteration; halved until max_distance is reached [m]
+  double max_distance = 0.10;  ///< correspondences are closer than this [m]
+  /// The same in the first iteration [m]; then it follows the size of the steps down to max_distance, and the kernel's
+  /// width with it.
+  double coarse_distance = 0.30;
   int max_iterations = 30;            ///< linearisations
   double rotation_epsilon = 5e-4;     ///< converged when a step turns by less [rad]
   double translation_epsilon = 2e-4;  ///< and moves the cloud's centre by less [m]
@@ -30,8 +32,8 @@ struct GicpSettings {
   double robust_width = 0.02;
   int min_correspondences = 50;
   /// Directions whose curvature is less than this fraction of the best one's count as open: the paper's covariances
-  /// alone leave 1e-3 along a bare wall.
-  double degenerate_ratio = 5e-3;
+  /// alone leave 2e-3 along a bare wall.
+  double degenerate_ratio = 3e-3;
   double overlap_squared_distance = 1e-3;  ///< a point is covered by the map if closer than this [m^2]
 };
 
@@ -89,6 +91,18 @@ class GicpTracker {
 
   [[nodiscard]] const GicpSettings& settings() const { return settings_; }
 
+  /// What `align` would report at a pose that is known: overlap, distances, information. The pose is not changed.
+  [[nodiscard]] GicpResult evaluate(const SourceCloud& source, const GicpTarget& target, const Pose& T_world_camera,
+                                    WorkerPool& pool) const {
+    LANGGS_EXPECTS(is_finite(T_world_camera), "the pose to evaluate is not finite");
+    GicpResult result;
+    result.T_world_camera = T_world_camera;
+    result.status = GicpStatus::converged;
+    detail::GicpCost cost(source, target, pool);
+    report(cost, source.size(), result);
+    return result;
+  }
+
   /// Registers the trackable points of `source` to `target`, from the guess `initial_T_world_camera`.
   ///
   /// Minimises sum_i e_i^T (C_B + R C_A R^T)^-1 e_i, e_i = b_i - T a_i (A.6.1), by Levenberg-Marquardt with a left
@@ -103,7 +117,7 @@ class GicpTracker {
                    "source cloud has ", n, " points but ", source.covariances.size(), " covariances, ",
                    source.weights.size(), " weights, ", source.trackable.size(), " flags; use make_source_cloud");
     GicpResult result;
-    detail::GicpCost cost(source, target, settings_.robust_width, pool);
+    detail::GicpCost cost(source, target, pool);
     result.status = iterate(cost, initial_T_world_camera, result);
     if (!is_finite(result.T_world_camera)) result.status = GicpStatus::failed;
     if (!has_pose(result.status)) result.T_world_camera = initial_T_world_camera;
@@ -128,7 +142,9 @@ class GicpTracker {
       ++result.iterations;
       cost.find_correspondences(T, gate);
       const Eigen::Vector3d centre = T * cost.centroid();
-      const detail::NormalEquations system = cost.linearise(T, centre);
+      // A kernel as wide as the gate asks for: far from the solution large residuals are the signal.
+      const double width = settings_.robust_width * gate / settings_.max_distance;
+      const detail::NormalEquations system = cost.linearise(T, centre, width);
       if (system.count < settings_.min_correspondences) return GicpStatus::too_few_correspondences;
       if (!system.hessian.allFinite() || !system.gradient.allFinite()) return GicpStatus::failed;
 
@@ -137,7 +153,8 @@ class GicpTracker {
       T = renormalized(moved_about(centre, step) * T);
 
       const bool finest = gate <= settings_.max_distance;
-      gate = std::max(settings_.max_distance, 0.5 * gate);
+      const double moved = step.head<3>().norm() + cost.radius() * step.tail<3>().norm();
+      gate = std::clamp(kGateOverStep * moved, settings_.max_distance, gate);
       const bool small =
           step.head<3>().norm() < settings_.translation_epsilon && step.tail<3>().norm() < settings_.rotation_epsilon;
       if (finest && small) return GicpStatus::converged;
@@ -182,7 +199,7 @@ class GicpTracker {
     if (!cost.pairs().empty()) result.overlap = covered / static_cast<double>(cost.pairs().size());
 
     const Eigen::Vector3d centre = T * cost.centroid();
-    const detail::NormalEquations system = cost.linearise(T, centre);
+    const detail::NormalEquations system = cost.linearise(T, centre, settings_.robust_width);
     result.num_correspondences = system.count;
     if (system.count == 0 || !(system.weight > 0) || !system.hessian.allFinite()) return;
     result.inlier_rms = std::sqrt(system.squared_normal_distance / system.weight);
@@ -195,7 +212,7 @@ class GicpTracker {
     Eigen::Matrix<double, 6, 6> shift = Eigen::Matrix<double, 6, 6>::Identity();
     shift.topRightCorner<3, 3>() = -skew(centre);
     const double variance = std::max(system.cost / system.weight, kMinVariance);
-    result.information = shift.transpose() * full(system.hessian) * shift / variance;
+    result.information = full(shift.transpose() * full(system.hessian) * shift / variance);
   }
 
   [[nodiscard]] static Eigen::Matrix<double, 6, 6> full(const Eigen::Matrix<double, 6, 6>& upper) {
@@ -221,8 +238,9 @@ class GicpTracker {
   }
 
   static constexpr double kInitialDamping = 1e-9;  // of the largest curvature: Gauss-Newton unless that fails
-  static constexpr int kMaxTrials = 10;            // ends at a damping of 1: plain gradient descent
-  static constexpr double kMinVariance = 1e-12;    // m^2; perfect data must not claim infinite information
+  static constexpr double kGateOverStep = 3;  // what is left to move is about the last step: keep thrice that in reach
+  static constexpr int kMaxTrials = 10;       // ends at a damping of 1: plain gradient descent
+  static constexpr double kMinVariance = 1e-12;  // m^2; perfect data must not claim infinite information
 
   GicpSettings settings_;
 };

@@ -30,8 +30,10 @@ struct SourceCloudSettings {
   float edge_depth_ratio = 0.05f;
   int min_neighbours = 8;         ///< fewer samples on the same surface (itself included): not trackable
   float plane_thickness = 1e-3f;  ///< variance across the surface relative to along it, in the G-ICP covariance
-  float noise_floor = 0.001f;     ///< depth noise at zero depth [m]
-  float noise_z2 = 0.0f;          ///< growth of depth noise with squared depth [1/m]
+  /// Standard deviation of depth noise_floor + noise_z2 z^2 [m]: points weigh as its inverse square. The growth is that
+  /// of structured light (Nguyen et al. 2012); the floor is the noise of the map itself, which does not grow.
+  float noise_floor = 0.003f;
+  float noise_z2 = 0.0019f;  ///< [1/m]
 };
 
 /// A frame's grid cloud, structure of arrays, all of length N. Camera frame, metres.
@@ -99,17 +101,19 @@ struct LocalShape {
 
 [[nodiscard]] inline bool is_usable_depth(float z, float max_depth) { return z > 0 && z <= max_depth; }  // NaN: false
 
-/// Mean-free second moment of the points seen in the 5x5 window around (u, v) that lie on the same surface; returns how
-/// many. Offsets span one grid step each way, as the nearest neighbours in the grid cloud would.
+/// Covariance of the points seen in the 5x5 window around (u, v) that lie on the same surface; returns how many. The
+/// window reaches one grid step each way, as far as the nearest neighbours in the grid cloud would.
 [[nodiscard]] inline int window_covariance(const Image<float>& depth, const Camera& camera, Eigen::Vector2i pixel,
                                            const SourceCloudSettings& settings, Eigen::Matrix3d& covariance) {
   const int half = std::max(1, settings.stride / 2);
-  const int offsets[5] = {-std::max(2, settings.stride), -half, 0, half, std::max(2, settings.stride)};
+  const int full = std::max(2, settings.stride);
+  const int offsets[5] = {-full, -half, 0, half, full};
   const float z0 = depth(pixel.x(), pixel.y());
   const float tolerance = settings.edge_depth_ratio * z0;
-  const Eigen::Vector3d centre = camera.back_project(pixel.x(), pixel.y(), z0);
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+  const double x0 = pixel.x() - static_cast<double>(camera.cx), y0 = pixel.y() - static_cast<double>(camera.cy);
+  // Sums relative to the centre, in units where x and y still lack their focal lengths: variances of 1e-7 m^2 must
+  // survive the subtraction of the mean, and a division for each sample would cost half of the time.
+  double x = 0, y = 0, z = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
   int count = 0;
   for (const int dv : offsets) {
     const int v = pixel.y() + dv;
@@ -117,17 +121,21 @@ struct LocalShape {
     for (const int du : offsets) {
       const int u = pixel.x() + du;
       if (u < 0 || u >= camera.width) continue;
-      const float z = depth(u, v);
-      if (!(std::abs(z - z0) <= tolerance)) continue;
-      // Relative to the centre: variances of 1e-7 m^2 must survive the subtraction of the mean.
-      const Eigen::Vector3d offset = camera.back_project(u, v, z) - centre;
-      sum += offset;
-      moment += offset * offset.transpose();
+      const float sample = depth(u, v);
+      if (!(std::abs(sample - z0) <= tolerance)) continue;  // NaN fails too
+      const double dz = sample - z0;
+      const double dx = (x0 + du) * dz + du * static_cast<double>(z0);
+      const double dy = (y0 + dv) * dz + dv * static_cast<double>(z0);
+      x += dx, y += dy, z += dz;
+      xx += dx * dx, xy += dx * dy, xz += dx * dz, yy += dy * dy, yz += dy * dz, zz += dz * dz;
       ++count;
     }
   }
-  const Eigen::Vector3d mean = sum / count;  // the centre itself always counts
-  covariance = moment / count - mean * mean.transpose();
+  const Eigen::Vector3d unit(1.0 / camera.fx, 1.0 / camera.fy, 1.0);
+  const Eigen::Vector3d mean = Eigen::Vector3d(x, y, z) / count;  // the centre itself always counts
+  Eigen::Matrix3d moment;
+  moment << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+  covariance = unit.asDiagonal() * (moment / count - mean * mean.transpose()) * unit.asDiagonal();
   return count;
 }
 
