@@ -9,8 +9,9 @@
 
 namespace langgs {
 
-/// A rigid transform in double precision; metres.
-using Pose = Eigen::Isometry3d;
+/// A rigid transform in double precision; metres. Not over-aligned: its layout must not depend on the instruction set
+/// that a translation unit is compiled for.
+using Pose = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
 
 /// Tangent vector of SE(3), translation first: [rho; theta] (metres, radians).
 using Twist = Eigen::Matrix<double, 6, 1>;
