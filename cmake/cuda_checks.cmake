@@ -17,6 +17,7 @@ if(LANGGS_ENABLE_CUDA)
     message(FATAL_ERROR "LANGGS_ENABLE_CUDA is on and no nvcc was found; put it on the PATH or set CUDA_PATH")
   endif()
   file(GLOB cuda_tests CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/cuda/*_test.cu")
+  file(GLOB cuda_host_sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/cuda/*.cpp")
 endif()
 if(LANGGS_ENABLE_CUDA AND cuda_tests)
   set(CMAKE_CUDA_COMPILER "${LANGGS_NVCC}")
@@ -24,12 +25,14 @@ if(LANGGS_ENABLE_CUDA AND cuda_tests)
     set(CMAKE_CUDA_ARCHITECTURES 75-virtual)  # the driver translates it for any newer GPU
   endif()
   enable_language(CUDA)
-  add_executable(test_cuda ${cuda_tests} main.cpp)
+  add_executable(test_cuda ${cuda_tests} ${cuda_host_sources} main.cpp)
   target_include_directories(test_cuda PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}")
   target_link_libraries(test_cuda PRIVATE doctest::doctest langgs::langgs)
   # CMake 3.25 knows no C++20 flag for nvcc 13.
   set_target_properties(test_cuda PROPERTIES CUDA_STANDARD 17 CUDA_RUNTIME_LIBRARY Shared
                                              CROSSCOMPILING_EMULATOR "${LANGGS_CUDA_LAUNCHER}")
+  # Eigen is host code: then nvcc sees the same Eigen as the host's compiler.
+  target_compile_definitions(test_cuda PRIVATE EIGEN_NO_CUDA)
   target_compile_options(test_cuda PRIVATE
     "$<$<COMPILE_LANGUAGE:CUDA>:-std=c++20;-lineinfo;--no-compress;--expt-relaxed-constexpr>")
   add_test(NAME cuda.run COMMAND test_cuda)
