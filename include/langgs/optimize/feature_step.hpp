@@ -91,6 +91,10 @@ struct FeatureUpdate {
       const int n = block.index() * kWarps + warp.index();
       if (n >= num_gaussians) return;
       const int g = touched[n];
+      // Momentum must not move a Gaussian that no pixel with a teacher has seen.
+      bool is_taught = false;
+      for (int h = hit_begin[g]; h < hit_begin[g + 1] && !is_taught; ++h) is_taught = loss[hit_pixel[hits[h]]] >= 0;
+      if (!is_taught) return;
       const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(g) * FeatDim;
       for (int c = 0; c < FeatDim; c += 32) {
         F gradient(0.f);
