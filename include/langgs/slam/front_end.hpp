@@ -37,14 +37,20 @@ class FrontEnd {
   /// The map as tracking sees it. Shared: mapping goes on with a map of its own.
   void set_target(std::shared_ptr<const GicpTarget> target) { target_ = std::move(target); }
 
-  /// Poses of all frames so far, given the current poses of the keyframes: a frame moves with its reference keyframe.
+  /// Poses of all frames so far, given the current keyframes: a frame moves with the keyframe before it. Frames whose
+  /// time stamp is not finite are left out.
   template <class Keyframes>
   [[nodiscard]] std::vector<StampedPose> trajectory(const Keyframes& keyframes) const {
     std::vector<StampedPose> result;
-    for (const Record& r : records_) {
-      const bool anchored = r.keyframe >= 0 && r.keyframe < static_cast<int>(keyframes.size());
-      const Pose T_world_reference = anchored ? keyframes[r.keyframe].T_world_camera : Pose::Identity();
-      result.push_back({r.timestamp, renormalized(T_world_reference * r.T_reference_camera)});
+    Pose correction = Pose::Identity();  // of the newest keyframe so far
+    auto keyframe = keyframes.begin();
+    for (int i = 0; i < num_frames(); ++i) {
+      if (keyframe != keyframes.end() && keyframe->frame_index == i) {
+        correction = keyframe->T_world_camera * keyframe->T_world_camera_tracked.inverse();
+        ++keyframe;
+      }
+      if (std::isfinite(records_[i].timestamp))
+        result.push_back({records_[i].timestamp, renormalized(correction * records_[i].T_world_camera)});
     }
     return result;
   }
@@ -58,7 +64,7 @@ class FrontEnd {
     report.frame_index = static_cast<int>(records_.size());
     report.T_world_camera = motion_.predict();
     expect_shape(frame);
-    report.reason = unusable(frame);
+    report.reason = unusable(frame, role);
     if (report.reason.empty()) {
       tracked.cloud = make_source_cloud(frame, camera_, settings_.source, pool);
       if (tracked.cloud.num_trackable() < settings_.gicp.min_correspondences) report.reason = "too little valid depth";
@@ -68,7 +74,7 @@ class FrontEnd {
 
     const bool placed = !report.skipped && report.reason.empty();
     if (placed && !role.held_out)
-      report.keyframe = keyframe_policy.decide(report.overlap, num_keyframes_ == 0, role.is_last);
+      report.keyframe = keyframe_policy.decide(report.overlap, target_ == nullptr, role.is_last);
     remember(frame, report, placed);
     milliseconds_.push_back(std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - start).count());
     return tracked;
@@ -82,8 +88,7 @@ class FrontEnd {
  private:
   struct Record {
     double timestamp;
-    int keyframe;  ///< reference keyframe, -1 before the first
-    Pose T_reference_camera;
+    Pose T_world_camera;  ///< as tracked or predicted
   };
 
   void expect_shape(const RgbdFrame& frame) const {
@@ -98,12 +103,13 @@ class FrontEnd {
   }
 
   /// Why a frame cannot be used; empty if it can.
-  [[nodiscard]] std::string unusable(const RgbdFrame& frame) const {
+  [[nodiscard]] std::string unusable(const RgbdFrame& frame, const FrameRole& role) const {
     if (!std::isfinite(frame.timestamp)) return "its time stamp is not finite";
     if (frame.timestamp < last_timestamp_) return "its time stamp lies before the previous frame's";
-    if (settings_.poses == PoseSource::given && !frame.T_world_camera) return "it has no given pose";
-    if (settings_.poses == PoseSource::given && !is_finite(*frame.T_world_camera))
-      return "its given pose is not finite";
+    if (settings_.poses == PoseSource::gicp)
+      return role.held_out && target_ == nullptr ? "it is held out, and there is no map yet to track it against" : "";
+    if (!frame.T_world_camera) return "it has no given pose";
+    if (!is_finite(*frame.T_world_camera)) return "its given pose is not finite";
     return {};
   }
 
@@ -131,17 +137,13 @@ class FrontEnd {
   void remember(const RgbdFrame& frame, const FrameReport& report, bool placed) {
     if (report.skipped) ++skipped_;
     if (placed) {
-      if (num_keyframes_ == 0)
+      if (target_ == nullptr)
         motion_.restart(report.T_world_camera);
       else
         motion_.observe(report.T_world_camera);
     }
     if (std::isfinite(frame.timestamp)) last_timestamp_ = std::max(last_timestamp_, frame.timestamp);
-    if (report.keyframe != KeyframeKind::none) {
-      ++num_keyframes_;
-      T_world_keyframe_ = report.T_world_camera;
-    }
-    records_.push_back({frame.timestamp, num_keyframes_ - 1, T_world_keyframe_.inverse() * report.T_world_camera});
+    records_.push_back({frame.timestamp, report.T_world_camera});
   }
 
   Camera camera_;
@@ -150,8 +152,7 @@ class FrontEnd {
   MotionModel motion_;
   std::shared_ptr<const GicpTarget> target_;
   std::vector<Record> records_;
-  Pose T_world_keyframe_ = Pose::Identity();  ///< of the newest keyframe, as tracked
-  int num_keyframes_ = 0, lost_ = 0, skipped_ = 0;
+  int lost_ = 0, skipped_ = 0;
   double last_timestamp_ = -std::numeric_limits<double>::infinity();
   std::vector<float> milliseconds_;
 };
