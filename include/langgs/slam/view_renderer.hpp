@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -36,6 +37,8 @@ class ViewRenderer {
   /// [grid.height, grid.width, FeatDim] (paper Eq. 4); zeros where nothing is seen.
   [[nodiscard]] std::vector<float> features(const Executor<Host>& executor, const Map& map, const View& view,
                                             const SampleGrid& grid) {
+    LANGGS_EXPECTS(grid.width > 0 && grid.height > 0 && grid.width <= 16384 && grid.height <= 16384,
+                   "feature image is ", grid.width, "x", grid.height, "; each side must be in [1, 16384]");
     rasterizer_.render(executor, map.geometry(), view);
     contributions_.from_topk(executor, rasterizer_, grid);
     std::vector<float> out(static_cast<std::size_t>(grid.width) * grid.height * FeatDim);
@@ -43,18 +46,20 @@ class ViewRenderer {
     return out;
   }
 
-  /// argmax over the rows of `class_vectors` of F(p) . t. The compositing is linear, so each Gaussian is compared with
-  /// the prompts once and the scores are composited instead of the features.
+  /// argmax over the rows of `class_vectors` of F(p) . t / |t|. The compositing is linear, so each Gaussian is compared
+  /// with the prompts once and the scores are composited instead of the features.
   [[nodiscard]] Image<std::uint16_t> labels(const Executor<Host>& executor, const Map& map, const View& view,
                                             const std::vector<float>& class_vectors) {
     LANGGS_EXPECTS(!class_vectors.empty() && class_vectors.size() % FeatDim == 0, "class vectors hold ",
                    class_vectors.size(), " values; give [num_classes + 1, ", FeatDim, "]");
     const int rows = static_cast<int>(class_vectors.size() / FeatDim);
+    LANGGS_EXPECTS(rows <= 65536, "there are ", rows, " class vectors; labels have 16 bits: give at most 65536");
+    const std::vector<float> prompts = unit_rows(class_vectors);
     scores_.assign(static_cast<std::size_t>(map.size()) * rows, 0.f);
     for_each_n(executor, map.size(), [&](int g) {
       const float* feature = map.features().row(g);
       for (int r = 1; r < rows; ++r) {
-        const float* prompt = class_vectors.data() + static_cast<std::size_t>(r) * FeatDim;
+        const float* prompt = prompts.data() + static_cast<std::size_t>(r) * FeatDim;
         float dot = 0;
         for (int c = 0; c < FeatDim; ++c) dot += feature[c] * prompt[c];
         scores_[static_cast<std::size_t>(g) * rows + r] = dot;
@@ -82,6 +87,19 @@ class ViewRenderer {
   }
 
  private:
+  /// Each row at unit length, zeros where it has none: the class with the longest vector must not win by that.
+  [[nodiscard]] static std::vector<float> unit_rows(std::vector<float> rows) {
+    for (std::size_t begin = 0; begin < rows.size(); begin += FeatDim) {
+      double norm2 = 0;
+      for (std::size_t i = begin; i < begin + FeatDim; ++i) norm2 += static_cast<double>(rows[i]) * rows[i];
+      LANGGS_EXPECTS(std::isfinite(norm2), "class vector ", begin / FeatDim,
+                     " holds a value that is not finite; check the file it comes from");
+      const double scale = norm2 > 0 ? 1 / std::sqrt(norm2) : 0;
+      for (std::size_t i = begin; i < begin + FeatDim; ++i) rows[i] = static_cast<float>(rows[i] * scale);
+    }
+    return rows;
+  }
+
   TopKRasterizer<K, Host> rasterizer_;
   Contributions<Host> contributions_;
   std::vector<float> scores_;
