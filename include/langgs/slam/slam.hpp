@@ -48,7 +48,7 @@ class LangGsSlam {
     TrackedFrame tracked = front_end_.track(frame, role, keyframe_policy, executor_.pool());  // section 3
     if (tracked.report.keyframe != KeyframeKind::none) {
       mapper_.add_keyframe(tracked, frame, features(frame));  // section 3.3.2
-      front_end_.set_target(mapper_.make_target());
+      if (tracked.report.keyframe == KeyframeKind::tracking) front_end_.set_target(mapper_.make_target());
     }
     iterate(settings_.iterations_per_frame);  // sections 3.2 to 3.4
     tracked.report.num_gaussians = mapper_.map().size();
