@@ -74,6 +74,7 @@ class RealtimeRunner {
       if (report.keyframe != KeyframeKind::none && !post({std::move(tracked), std::move(frame)})) return;
       {
         std::lock_guard lock(mutex_);
+        if (mapping_failure_) return;
         report.num_gaussians = num_gaussians_;
         report.loss = loss_;
       }
