@@ -29,7 +29,7 @@ Eigen::Matrix3d axes_of(const SourceCloud& cloud, int i) {
 
 bool same_bits(const SourceCloud& a, const SourceCloud& b) {
   const auto equal = [](const auto& x, const auto& y) {
-    return x.size() == y.size() && std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0;
+    return x.size() == y.size() && (x.empty() || std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0);
   };
   return equal(a.points, b.points) && equal(a.pixels, b.pixels) && equal(a.rotations, b.rotations) &&
          equal(a.scales, b.scales) && equal(a.covariances, b.covariances) && equal(a.trackable, b.trackable) &&
