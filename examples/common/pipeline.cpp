@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/pipeline.hpp"
+
+#include "common/options.hpp"
+#include "common/pipeline_dims.hpp"
+#include "langgs/core/error.hpp"
+#include "langgs/slam/settings.hpp"
+
+namespace langgs::examples {
+
+SlamSettings slam_settings(const RunOptions& o) {
+  SlamSettings s;
+  s.tracking.poses = o.tracking == "given" ? PoseSource::given : PoseSource::gicp;
+  s.mapping.refine_poses = !o.no_pose_refinement;
+  if (o.no_redundancy) s.mapping.redundancy.squared_distance = 0;
+  s.mapping.feature_rendering = o.feature_render == "blend" ? FeatureRendering::blend : FeatureRendering::topk;
+  s.iterations_per_frame = o.iterations;
+  s.final_iterations = o.final_iterations;
+  s.num_threads = o.threads;
+  s.seed = o.seed;
+  return s;
+}
+
+std::string supported_dims_text() { return "16, 64, 512"; }
+std::string supported_k_text() { return "1, 3, 5, 10"; }
+
+std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset& dataset,
+                                        const std::vector<float>& class_vectors) {
+  const int dim = options.has_features() ? options.feature_dim : 1;
+  std::unique_ptr<Pipeline> pipeline = dim == 1     ? make_pipeline_d1(options, dataset, class_vectors)
+                                       : dim == 16  ? make_pipeline_d16(options, dataset, class_vectors)
+                                       : dim == 64  ? make_pipeline_d64(options, dataset, class_vectors)
+                                       : dim == 512 ? make_pipeline_d512(options, dataset, class_vectors)
+                                                    : nullptr;
+  LANGGS_EXPECTS(pipeline || (dim != 1 && dim != 16 && dim != 64 && dim != 512), "--top-k ", options.top_k,
+                 " is not compiled in; choose one of ", supported_k_text(),
+                 ", or add it to the lists in examples/common/pipeline_d*.cpp");
+  LANGGS_EXPECTS(pipeline, "feature dimension ", dim, " is not compiled in; choose one of ", supported_dims_text(),
+                 ", or add a file like examples/common/pipeline_d512.cpp");
+  return pipeline;
+}
+
+}  // namespace langgs::examples

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/pipeline_dims.hpp"
+#include "common/pipeline_of.hpp"
+
+namespace langgs::examples {
+
+std::unique_ptr<Pipeline> make_pipeline_d16(const RunOptions& options, const Dataset& dataset,
+                                           const std::vector<float>& class_vectors) {
+  return pipeline_with_k<16, 1, 3, 5, 10>(options, dataset, class_vectors);
+}
+
+}  // namespace langgs::examples
