@@ -193,8 +193,10 @@ class Warp {
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
                                                 T otherwise) const {
-    const Varying<std::int32_t> safe = select(wanted, index, 0);
-    return select(wanted, host::gather(base, safe), Varying<T>(otherwise));
+    // The other lanes must not read at all: another block may be writing there.
+    alignas(64) T lanes[kLanes];
+    for (int i = 0; i < kLanes; ++i) lanes[i] = wanted.lane(i) != 0 ? base[index.lane(i)] : otherwise;
+    return Varying<T>::load(lanes);
   }
 
   /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.
