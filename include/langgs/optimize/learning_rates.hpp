@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "langgs/core/error.hpp"
+
 namespace langgs {
 
 /// Adam step sizes by parameter group, and Adam's constants. No bias correction: see SelectiveAdam.
@@ -14,5 +16,12 @@ struct LearningRates {
   float beta1 = 0.9f, beta2 = 0.999f;
   float epsilon = 1e-15f;
 };
+
+inline void validate(const LearningRates& r) {
+  for (const float rate : {r.mean, r.log_scale, r.rotation, r.opacity_logit, r.colour, r.feature})
+    LANGGS_EXPECTS(rate >= 0 && rate <= 1e3f, "a learning rate is ", rate, "; it must be in [0, 1000]");
+  LANGGS_EXPECTS(r.beta1 >= 0 && r.beta1 < 1 && r.beta2 >= 0 && r.beta2 < 1 && r.epsilon > 0, "Adam settings are ",
+                 r.beta1, ", ", r.beta2, ", ", r.epsilon, "; betas must be in [0, 1), epsilon positive");
+}
 
 }  // namespace langgs

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "langgs/core/camera.hpp"
+#include "langgs/core/error.hpp"
 #include "langgs/frame/feature_map.hpp"
 #include "langgs/map/gaussian.hpp"
 #include "langgs/track/source_cloud.hpp"
@@ -16,11 +17,18 @@ namespace langgs {
 /// How a source point becomes a Gaussian of the map.
 struct InitializationSettings {
   /// Opacity of a new Gaussian. The backbone's 0.1 relies on some hundred iterations per keyframe; a CPU has fewer.
-  float opacity = 0.5f;
+  float opacity = 0.7f;
   /// Standard deviation along the surface relative to the spacing of the source grid at the point's depth.
-  float spread = 0.5f;
+  float spread = 0.6f;
   float thickness = 0.2f;  ///< standard deviation across the surface relative to along it
 };
+
+inline void validate(const InitializationSettings& s) {
+  LANGGS_EXPECTS(s.opacity > 0 && s.opacity < 1, "initial opacity is ", s.opacity, "; it must be between 0 and 1");
+  LANGGS_EXPECTS(s.spread >= 1e-3f && s.spread <= 1e3f && s.thickness >= 1e-3f && s.thickness <= 1e3f,
+                 "initial spread and thickness are ", s.spread, " and ", s.thickness,
+                 "; they must be in [0.001, 1000]");
+}
 
 /// New Gaussians from the chosen points of a source cloud (paper sections 3 and 3.3.2): geometric attributes from
 /// tracking, feature sampled from the frame's feature map (zeros without one).

@@ -37,7 +37,7 @@ struct TrackingSettings {
   SourceCloudSettings source;
   GicpSettings gicp;
   InitialGuess initial_guess = InitialGuess::constant_velocity;
-  TargetShape target_shape = TargetShape::isotropic;
+  TargetShape target_shape = TargetShape::anisotropic;
   float min_target_opacity = 0.05f;  ///< map Gaussians fainter than this are not tracked against
 };
 
@@ -69,6 +69,11 @@ inline void validate(const SlamSettings& s) {
                  "; it must be in [1, 1024]");
   LANGGS_EXPECTS(s.tracking.min_target_opacity >= 0 && s.tracking.min_target_opacity < 1, "min_target_opacity is ",
                  s.tracking.min_target_opacity, "; it must be in [0, 1)");
+  validate(s.tracking.source);
+  validate(s.tracking.gicp);
+  validate(s.mapping.initialization);
+  validate(s.mapping.learning_rates);
+  s.mapping.pose_refinement.check();
 }
 
 }  // namespace langgs
