@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <memory>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -27,9 +27,11 @@ inline constexpr int kDim = 16;
   return SyntheticRoom(settings);
 }
 
+/// The frames of small_room(room.size()); each length is ray-cast once.
 [[nodiscard]] inline std::vector<RgbdFrame> frames_of(const SyntheticRoom& room) {
-  std::vector<RgbdFrame> frames;
-  for (int i = 0; i < room.size(); ++i) frames.push_back(room.frame(i));
+  static std::map<int, std::vector<RgbdFrame>> known;
+  std::vector<RgbdFrame>& frames = known[room.size()];
+  while (static_cast<int>(frames.size()) < room.size()) frames.push_back(room.frame(static_cast<int>(frames.size())));
   return frames;
 }
 
