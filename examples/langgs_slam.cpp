@@ -25,9 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+double seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 /// The frames of a run in their order: which of the data set, and whether they are held out.
 struct Selection {
@@ -74,7 +72,8 @@ class Run {
     costs_.peak_rss_mb = peak_rss_mb();
     save();
     if (pipeline_->keyframes().empty()) {
-      if (failure_.empty()) failure_ = "no frame could be mapped: " + (reason_.empty() ? "the run was stopped" : reason_);
+      if (failure_.empty())
+        failure_ = "no frame could be mapped: " + (reason_.empty() ? "the run was stopped" : reason_);
       write_text(options_.output / "metrics.json", metrics(Evaluation{}));
       detail::raise<IoError>(failure_);
     }
@@ -90,7 +89,8 @@ class Run {
   /// Frame k of the run, with a pose only where poses are given.
   [[nodiscard]] RgbdFrame load(int k) const {
     RgbdFrame frame = dataset_->frame(selection_.frames[k]);
-    if (options_.tracking == "given") frame.T_world_camera = pose_at(reference_, frame.timestamp, options_.dataset.max_gap);
+    if (options_.tracking == "given")
+      frame.T_world_camera = pose_at(reference_, frame.timestamp, options_.dataset.max_gap);
     return frame;
   }
 
@@ -191,8 +191,13 @@ class Run {
   void draw(const Evaluation& evaluation) {
     if (options_.no_pictures) return;
     const SlamStatistics s = pipeline_->statistics();
-    PictureInput input{*dataset_, views_to_show(views()), trajectory_, class_vectors_,
-                       options_.has_features() ? options_.feature_dim : 0, {}, {}};
+    PictureInput input{*dataset_,
+                       views_to_show(views()),
+                       trajectory_,
+                       class_vectors_,
+                       options_.has_features() ? options_.feature_dim : 0,
+                       {},
+                       {}};
     const std::string what = options_.dataset.kind == "synthetic"
                                  ? "synthetic room"
                                  : fs::weakly_canonical(options_.dataset.input).filename().string();

@@ -90,6 +90,7 @@ std::optional<Calibration> known_calibration(const fs::path& folder) {
   std::error_code ignored;
   fs::path whole = fs::weakly_canonical(folder, ignored);
   if (ignored) whole = folder;
+  if (whole.filename().empty()) whole = whole.parent_path();  // "name/"
   std::string name = whole.filename().string();
   for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   struct Known {
@@ -134,8 +135,12 @@ Calibration read_cam_params(const fs::path& path) {
   const double width = number("w"), height = number("h");
   const auto side = [](double value) { return std::abs(value) < 1e6 ? static_cast<int>(value) : 0; };
   Calibration result;
-  result.camera = {static_cast<float>(number("fx")), static_cast<float>(number("fy")), static_cast<float>(number("cx")),
-                   static_cast<float>(number("cy")), side(width),                      side(height)};
+  result.camera = {static_cast<float>(number("fx")),
+                   static_cast<float>(number("fy")),
+                   static_cast<float>(number("cx")),
+                   static_cast<float>(number("cy")),
+                   side(width),
+                   side(height)};
   result.depth_scale = number("scale");
   result.distortion = Distortion{};
   result.source = "cam_params.json";

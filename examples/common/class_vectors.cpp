@@ -61,8 +61,9 @@ std::vector<float> load_class_vectors(RunOptions& options, const Dataset& datase
   const Image<std::uint16_t> first = dataset.labels(0);
   const std::size_t highest = *std::max_element(first.data(), first.data() + first.size());
   const std::size_t rows = vectors.size() / static_cast<std::size_t>(options.feature_dim);
-  LANGGS_EXPECTS(highest < rows, "--class-features: label ", highest, " occurs in the images but there are vectors for ",
-                 rows, " labels, from 0 on; give a row for each label");
+  LANGGS_EXPECTS(highest < rows, "--class-features: label ", highest,
+                 " occurs in the images but there are vectors for ", rows,
+                 " labels, from 0 on; give a row for each label");
   return vectors;
 }
 

@@ -30,8 +30,7 @@ bool normalise(const float* v, int dim, std::vector<double>& out) {
 cv::Mat picture_of(const Image<std::uint8_t>& rgb) {
   cv::Mat picture(rgb.height(), rgb.width(), CV_8UC3);
   for (int y = 0; y < rgb.height(); ++y)
-    for (int x = 0; x < rgb.width(); ++x)
-      picture.at<cv::Vec3b>(y, x) = {rgb(x, y, 2), rgb(x, y, 1), rgb(x, y, 0)};
+    for (int x = 0; x < rgb.width(); ++x) picture.at<cv::Vec3b>(y, x) = {rgb(x, y, 2), rgb(x, y, 1), rgb(x, y, 0)};
   return picture;
 }
 

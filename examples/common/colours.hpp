@@ -37,7 +37,7 @@ class FeatureColours {
 
   int dim_;
   std::vector<double> mean_;
-  std::vector<double> axes_;               // [kAxes, dim]
+  std::vector<double> axes_;                  // [kAxes, dim]
   float low_[kAxes] = {}, high_[kAxes] = {};  // the range of each axis that becomes 0..255
 };
 

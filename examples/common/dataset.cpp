@@ -91,7 +91,8 @@ std::optional<Pose> pose_at(const std::vector<StampedPose>& reference, double ti
   const StampedPose& a = *(after - 1);
   if (!has_after) return a.T_world_camera;
   const double t = (timestamp - a.timestamp) / (after->timestamp - a.timestamp);
-  const Eigen::Quaterniond qa(Eigen::Matrix3d(a.T_world_camera.linear())), qb(Eigen::Matrix3d(after->T_world_camera.linear()));
+  const Eigen::Quaterniond qa(Eigen::Matrix3d(a.T_world_camera.linear())),
+      qb(Eigen::Matrix3d(after->T_world_camera.linear()));
   Pose pose = Pose::Identity();
   pose.linear() = qa.slerp(t, qb).toRotationMatrix();
   pose.translation() = (1 - t) * a.T_world_camera.translation() + t * after->T_world_camera.translation();

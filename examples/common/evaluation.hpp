@@ -37,7 +37,7 @@ struct EvaluationInput {
   std::vector<StampedPose> trajectory;      ///< every processed frame
   const std::vector<float>& class_vectors;  ///< [labels, D]; empty: no semantic score
   int num_labels = 0;                       ///< rows of class_vectors
-  bool ate = true;                           ///< false when poses were given
+  bool ate = true;                          ///< false when poses were given
 };
 
 /// Scores a finished map. `progress(done, total)` is called after each view and returns false to stop early.

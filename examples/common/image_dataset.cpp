@@ -22,7 +22,8 @@ ImageDataset::ImageDataset(const DatasetOptions& options, const Calibration& cal
       files_(std::move(files)),
       reference_(std::move(reference)) {
   if (files_.empty())
-    detail::raise<IoError>(folder_.string(), " has no frame with both colour and depth; check its lists and time stamps");
+    detail::raise<IoError>(folder_.string(),
+                           " has no frame with both colour and depth; check its lists and time stamps");
   for (const FrameFiles& f : files_)
     for (const fs::path& path : {f.colour, f.depth})
       if (!fs::is_regular_file(path))
@@ -55,8 +56,8 @@ Image<std::uint16_t> ImageDataset::labels(int i) const {
 
 std::string ImageDataset::description() const {
   const Camera& c = calibration_.camera;
-  std::string text = detail::concat(size(), " frames of ", c.width, "x", c.height, ", calibration: ",
-                                    calibration_.source, ", distortion: ");
+  std::string text = detail::concat(size(), " frames of ", c.width, "x", c.height,
+                                    ", calibration: ", calibration_.source, ", distortion: ");
   if (distortion_.is_zero()) return text + "none";
   return text + detail::concat(distortion_.k1, " ", distortion_.k2, " ", distortion_.p1, " ", distortion_.p2, " ",
                                distortion_.k3, " (removed)");

@@ -23,7 +23,8 @@ constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 28;
 cv::Mat decode(const fs::path& path, const Camera& camera) {
   const std::string bytes = read_file(path, kMaxBytes);
   const auto ends_with = [&](std::string_view mark, std::size_t slack) {
-    return bytes.size() > 16 && bytes.rfind(mark) != std::string::npos && bytes.rfind(mark) + mark.size() + slack >= bytes.size();
+    return bytes.size() > 16 && bytes.rfind(mark) != std::string::npos &&
+           bytes.rfind(mark) + mark.size() + slack >= bytes.size();
   };
   const bool is_png = bytes.starts_with("\x89PNG\r\n\x1a\n"), is_jpeg = bytes.starts_with("\xff\xd8\xff");
   if (!is_png && !is_jpeg)

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "common/pipeline.hpp"
@@ -119,7 +120,8 @@ void add_method_options(CLI::App& app, RunOptions& o) {
       ->capture_default_str()
       ->group(group);
   app.add_flag("--no-pruning", o.no_pruning, "never remove Gaussians")->group(group);
-  app.add_flag("--no-redundancy", o.no_redundancy, "insert Gaussians also where the map has them already")->group(group);
+  app.add_flag("--no-redundancy", o.no_redundancy, "insert Gaussians also where the map has them already")
+      ->group(group);
   app.add_flag("--no-pose-refinement", o.no_pose_refinement, "leave keyframe poses as tracked")->group(group);
 }
 
@@ -161,6 +163,8 @@ void check_together(const CLI::App& app, const RunOptions& o, const std::string&
   const auto given = [&](const char* name) { return app.count(name) > 0; };
   LANGGS_EXPECTS(o.device == "host", "--device cuda: this program was built without CUDA; use --device host");
   LANGGS_EXPECTS(resume.empty(), "--resume: going on from a saved map is not available yet; run the sequence again");
+  for (const double value : {o.fps, o.dataset.max_gap, o.dataset.room.motion, o.dataset.room.colour_noise})
+    LANGGS_EXPECTS(std::isfinite(value), "an option is ", value, "; give finite numbers");
   LANGGS_EXPECTS(!given("--fps") || o.realtime(), "--fps needs --mode realtime");
   LANGGS_EXPECTS(!o.realtime() || (!given("--iterations") && !given("--final-iterations")),
                  "--iterations and --final-iterations need --mode lockstep; in real time mapping never stops");
@@ -168,11 +172,14 @@ void check_together(const CLI::App& app, const RunOptions& o, const std::string&
   LANGGS_EXPECTS(o.hold_out != 1, "--hold-out 1 would leave no frame for mapping; give 2 or more, or 0 for none");
   LANGGS_EXPECTS(o.dataset.kind != "synthetic" || !given("--input"),
                  "--dataset synthetic reads no --input; choose tum or replica to read a folder");
-  for (const char* name : {"--width", "--height", "--frames", "--room-seed", "--motion", "--depth-noise", "--colour-noise"})
+  for (const char* name :
+       {"--width", "--height", "--frames", "--room-seed", "--motion", "--depth-noise", "--colour-noise"})
     LANGGS_EXPECTS(o.dataset.kind == "synthetic" || !given(name), name, " needs --dataset synthetic");
   LANGGS_EXPECTS(!given("--class-features") || o.features == "labels" || o.features.starts_with("npy:"),
                  "--class-features needs --features labels or npy:DIR");
-  LANGGS_EXPECTS(o.has_features() || !given("--feature-dim"), "--feature-dim needs --features labels, texture or npy:DIR");
+  LANGGS_EXPECTS(o.has_features() || !given("--top-k"), "--top-k needs --features labels, texture or npy:DIR");
+  LANGGS_EXPECTS(o.has_features() || !given("--feature-dim"),
+                 "--feature-dim needs --features labels, texture or npy:DIR");
   LANGGS_EXPECTS(o.schedule == "hybrid" || !given("--feature-every"), "--feature-every needs --schedule hybrid");
 }
 

@@ -113,9 +113,8 @@ cv::Mat legend(const PictureInput& input, int width, int height) {
   counts.erase(0);
   std::vector<std::pair<std::size_t, int>> order;
   for (const auto& [label, count] : counts) order.push_back({count, label});
-  std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) {
-    return a.first != b.first ? a.first > b.first : a.second < b.second;
-  });
+  std::sort(order.begin(), order.end(),
+            [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
   constexpr int kRow = 22, kColumn = 170;
   const int rows = std::max(1, (height - 30) / kRow);
   if (!order.empty()) put_text(sheet, "classes in these views", {0, 18}, 0.45, kSoft);
@@ -190,7 +189,8 @@ std::vector<fs::path> write_pictures(Pipeline& pipeline, const PictureInput& inp
   if (input.views.empty()) return {};
   constexpr int kSamples = 4000;
   const FeatureColours feature_colours(
-      input.feature_dim > 1 ? pipeline.feature_samples(kSamples) : std::vector<float>{}, std::max(1, input.feature_dim));
+      input.feature_dim > 1 ? pipeline.feature_samples(kSamples) : std::vector<float>{},
+      std::max(1, input.feature_dim));
   std::vector<fs::path> paths = {folder / "overview.png"};
   std::vector<Strip> strips;
   for (const EvaluatedView& view : input.views) {

@@ -60,7 +60,8 @@ class Pipeline {
   /// Features of up to `count` Gaussians, evenly chosen [n, D].
   [[nodiscard]] virtual std::vector<float> feature_samples(int count) const = 0;
   /// The whole map; the same map and metadata give the same bytes.
-  virtual void save_map(const std::filesystem::path& path, const std::map<std::string, std::string>& metadata) const = 0;
+  virtual void save_map(const std::filesystem::path& path,
+                        const std::map<std::string, std::string>& metadata) const = 0;
 };
 
 /// How a run's options set the system's knobs.

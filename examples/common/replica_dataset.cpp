@@ -62,8 +62,9 @@ std::vector<Pose> read_matrices(const fs::path& path) {
     constexpr double kTolerance = 1e-3;
     if (!valid || !detail::trimmed(words).empty() || (m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > kTolerance ||
         (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() > kTolerance || r.determinant() < 0)
-      detail::raise<IoError>(path.string(), ":", number, ": expected the 16 numbers of a rigid 4x4 matrix, row by row, ",
-                             "found '", detail::excerpt(line), "'");
+      detail::raise<IoError>(path.string(), ":", number,
+                             ": expected the 16 numbers of a rigid 4x4 matrix, row by row, ", "found '",
+                             detail::excerpt(line), "'");
     Pose pose = Pose::Identity();
     pose.matrix() = m;
     pose.matrix().row(3) << 0, 0, 0, 1;
@@ -110,8 +111,8 @@ std::unique_ptr<Dataset> make_replica_dataset(const DatasetOptions& options) {
     files.push_back({timestamp, path, partner->second});
     if (poses.empty()) continue;
     if (static_cast<std::size_t>(number) >= poses.size())
-      detail::raise<IoError>((folder / "traj.txt").string(), " has ", poses.size(), " poses but there is a frame number ",
-                             number, "; complete or remove traj.txt");
+      detail::raise<IoError>((folder / "traj.txt").string(), " has ", poses.size(),
+                             " poses but there is a frame number ", number, "; complete or remove traj.txt");
     reference.push_back({timestamp, poses[number]});
   }
   return std::make_unique<ImageDataset>(options, replica_calibration(folder), std::move(files), std::move(reference));

@@ -139,8 +139,9 @@ std::map<std::string, std::string> map_metadata(const RunOptions& options, const
                                                  {"camera", camera_json(dataset.camera()).dump()},
                                                  {"settings", settings.dump()}};
   if (options.has_features()) {
-    metadata["feature_model"] = options.class_features.empty() ? options.features
-                                                               : options.features + ":" + options.class_features.filename().string();
+    metadata["feature_model"] = options.class_features.empty()
+                                    ? options.features
+                                    : options.features + ":" + options.class_features.filename().string();
     metadata["feature_dim"] = std::to_string(options.feature_dim);
   }
   return metadata;

@@ -21,7 +21,8 @@ std::vector<Eigen::Vector3d> aligned(const std::vector<StampedPose>& estimate, s
   });
   try {
     const Pose T_estimate_reference = ate_umeyama_se3(estimate, reference).T_reference_estimate.inverse();
-    for (const StampedPose& pose : reference) points.push_back(T_estimate_reference * pose.T_world_camera.translation());
+    for (const StampedPose& pose : reference)
+      points.push_back(T_estimate_reference * pose.T_world_camera.translation());
   } catch (const InvalidArgument&) {
     // Fewer than three pairs.
   }

@@ -10,7 +10,8 @@ namespace fs = std::filesystem;
 
 std::unique_ptr<Dataset> make_tum_dataset(const DatasetOptions& options) {
   const fs::path& folder = options.input;
-  const std::vector<TumListEntry> colour = read_tum_list(folder / "rgb.txt"), depth = read_tum_list(folder / "depth.txt");
+  const std::vector<TumListEntry> colour = read_tum_list(folder / "rgb.txt"),
+                                  depth = read_tum_list(folder / "depth.txt");
   const auto stamps = [](const std::vector<TumListEntry>& entries) {
     std::vector<double> result;
     for (const TumListEntry& entry : entries) result.push_back(entry.timestamp);
@@ -18,8 +19,8 @@ std::unique_ptr<Dataset> make_tum_dataset(const DatasetOptions& options) {
   };
   std::vector<FrameFiles> files;
   for (const StampPair& pair : associate(stamps(colour), stamps(depth), options.max_gap))
-    files.push_back({colour[pair.first].timestamp, folder / colour[pair.first].filename,
-                     folder / depth[pair.second].filename});
+    files.push_back(
+        {colour[pair.first].timestamp, folder / colour[pair.first].filename, folder / depth[pair.second].filename});
   if (files.empty())
     detail::raise<IoError>(folder.string(), ": no colour image of rgb.txt has a depth image of depth.txt within ",
                            options.max_gap, " s; check the time stamps or raise --max-gap");
