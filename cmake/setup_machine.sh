@@ -5,8 +5,8 @@
 # Exit code 2 when something needed is missing and cannot be installed.
 set -euo pipefail
 
-needed=(g++ cmake ninja-build libeigen3-dev libnanoflann-dev doctest-dev libcli11-dev nlohmann-json3-dev
-        libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev)
+needed=(g++ cmake ninja-build libeigen3-dev libnanoflann-dev libthrust-dev doctest-dev libcli11-dev
+        nlohmann-json3-dev libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev)
 # Compiling and linking with sanitizers needs only g++; clang is the second compiler, clang-format 14 defines our format.
 optional=()
 [[ ${1:-} == --tests ]] && optional=(clang clang-format-14)

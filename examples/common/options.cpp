@@ -103,7 +103,7 @@ void add_method_options(CLI::App& app, RunOptions& o) {
       ->check(CLI::Range(1, 256))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--top-k", o.top_k, "K, the Gaussians that make up a pixel's feature: one of " + supported_k_text())
+  app.add_option("--top-k", o.top_k, "K, the Gaussians that make up a pixel's feature: " + supported_k_text())
       ->check(CLI::Range(1, 16))
       ->capture_default_str()
       ->group(group);

@@ -22,7 +22,7 @@ SlamSettings slam_settings(const RunOptions& o) {
 }
 
 std::string supported_dims_text() { return "16, 64, 512"; }
-std::string supported_k_text() { return "1, 3, 5, 10"; }
+std::string supported_k_text() { return "3, or with --feature-dim 512 also 1, 5, 10"; }
 
 std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset& dataset,
                                         const std::vector<float>& class_vectors) {
@@ -32,9 +32,10 @@ std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset
                                        : dim == 64  ? make_pipeline_d64(options, dataset, class_vectors)
                                        : dim == 512 ? make_pipeline_d512(options, dataset, class_vectors)
                                                     : nullptr;
-  LANGGS_EXPECTS(pipeline || (dim != 1 && dim != 16 && dim != 64 && dim != 512), "--top-k ", options.top_k,
-                 " is not compiled in; choose one of ", supported_k_text(),
-                 ", or add it to the lists in examples/common/pipeline_d*.cpp");
+  const bool known_dim = dim == 1 || dim == 16 || dim == 64 || dim == 512;
+  LANGGS_EXPECTS(pipeline || !known_dim, "--top-k ", options.top_k, " is not compiled in for ", dim,
+                 "-dimensional features; choose ", supported_k_text(), ", or add it in examples/common/pipeline_d", dim,
+                 ".cpp");
   LANGGS_EXPECTS(pipeline, "feature dimension ", dim, " is not compiled in; choose one of ", supported_dims_text(),
                  ", or add a file like examples/common/pipeline_d512.cpp");
   return pipeline;

@@ -40,7 +40,7 @@ struct InsertionReport {
 class RedundancyFilter {
  public:
   struct Settings {
-    float squared_distance = 5e-4f;  ///< tau_r [m^2]; cells have its square root as side. 0 switches the filter off
+    float squared_distance = 2e-4f;  ///< tau_r [m^2]; cells have its square root as side. 0 switches the filter off
     bool use_cells = true;           ///< the hash of taken cells
   };
 

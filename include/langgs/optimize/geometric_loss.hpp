@@ -25,10 +25,11 @@ struct ImageGradientView {
   float* depth = nullptr;   ///< [height, width], 1/m
 };
 
-/// L_geo = (1 - ssim) L1 + ssim (1 - SSIM) + depth * L1(depth). The paper gives no numbers; these are its backbone's.
+/// L_geo = (1 - ssim) L1 + ssim (1 - SSIM) + depth * L1(depth). The paper gives no numbers. lambda_1 is its backbone's;
+/// lambda_2 is ten times the backbone's, because dark surfaces turn transparent before the black background otherwise.
 struct GeometricLossWeights {
-  float ssim = 0.2f;    ///< lambda_1, in [0, 1]
-  float depth = 0.01f;  ///< lambda_2 [1/m]
+  float ssim = 0.2f;   ///< lambda_1, in [0, 1]
+  float depth = 0.1f;  ///< lambda_2 [1/m]
   /// Leave pixels without measured depth out of the colour terms too, as the backbone does. With false, colour is
   /// trained wherever the camera saw something.
   bool mask_colour_by_depth = true;

@@ -55,14 +55,18 @@ class ViewRenderer {
     const int rows = static_cast<int>(class_vectors.size() / FeatDim);
     LANGGS_EXPECTS(rows <= 65536, "there are ", rows, " class vectors; labels have 16 bits: give at most 65536");
     const std::vector<float> prompts = unit_rows(class_vectors);
+    // Transposed, so that the innermost loop runs over prompts and needs no reordered sums to become SIMD.
+    std::vector<float> columns(class_vectors.size());
+    for (int r = 0; r < rows; ++r)
+      for (int c = 0; c < FeatDim; ++c)
+        columns[static_cast<std::size_t>(c) * rows + r] = class_vectors[static_cast<std::size_t>(r) * FeatDim + c];
     scores_.assign(static_cast<std::size_t>(map.size()) * rows, 0.f);
     for_each_n(executor, map.size(), [&](int g) {
       const float* feature = map.features().row(g);
-      for (int r = 1; r < rows; ++r) {
-        const float* prompt = prompts.data() + static_cast<std::size_t>(r) * FeatDim;
-        float dot = 0;
-        for (int c = 0; c < FeatDim; ++c) dot += feature[c] * prompt[c];
-        scores_[static_cast<std::size_t>(g) * rows + r] = dot;
+      float* score = scores_.data() + static_cast<std::size_t>(g) * rows;
+      for (int c = 0; c < FeatDim; ++c) {
+        const float* column = columns.data() + static_cast<std::size_t>(c) * rows;
+        for (int r = 0; r < rows; ++r) score[r] += feature[c] * column[r];
       }
     });
     rasterizer_.render(executor, map.geometry(), view);
