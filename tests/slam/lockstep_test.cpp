@@ -190,6 +190,26 @@ TEST_CASE("frames move with the refined keyframe before them") {
   CHECK(poses[0].T_world_camera.isApprox(Pose::Identity()));
 }
 
+TEST_CASE("a mapping keyframe leaves the registration target as it is") {
+  const SyntheticRoom room = test::small_room(8);
+  SlamSettings settings = test::small_settings();
+  settings.iterations_per_frame = 0;
+  std::vector<std::vector<FrameReport>> runs;
+  for (const int interval : {0, 2}) {
+    LangGsSlam<kDim> slam(room.camera(), settings);
+    KeyframeSettings keyframes;
+    keyframes.overlap_threshold = 0;
+    keyframes.mapping_interval = interval;
+    slam.keyframe_policy = KeyframePolicy(keyframes);
+    auto features = test::label_features(room);
+    runs.push_back(test::run(slam, test::frames_of(room), features));
+    CHECK(slam.keyframes().size() == (interval == 0 ? 2 : 5));
+  }
+  for (int i = 0; i < 8; ++i) CHECK(runs[0][i].T_world_camera.matrix() == runs[1][i].T_world_camera.matrix());
+  CHECK(runs[1][2].keyframe == KeyframeKind::mapping);
+  CHECK(runs[1][2].num_gaussians > runs[0][2].num_gaussians);
+}
+
 TEST_CASE("prompts need not be unit vectors, but finite and of the map's dimension") {
   const SyntheticRoom room = test::small_room(4);
   LangGsSlam<kDim> slam(room.camera(), test::small_settings());
