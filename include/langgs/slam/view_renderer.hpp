@@ -56,10 +56,10 @@ class ViewRenderer {
     LANGGS_EXPECTS(rows <= 65536, "there are ", rows, " class vectors; labels have 16 bits: give at most 65536");
     const std::vector<float> prompts = unit_rows(class_vectors);
     // Transposed, so that the innermost loop runs over prompts and needs no reordered sums to become SIMD.
-    std::vector<float> columns(class_vectors.size());
+    std::vector<float> columns(prompts.size());
     for (int r = 0; r < rows; ++r)
       for (int c = 0; c < FeatDim; ++c)
-        columns[static_cast<std::size_t>(c) * rows + r] = class_vectors[static_cast<std::size_t>(r) * FeatDim + c];
+        columns[static_cast<std::size_t>(c) * rows + r] = prompts[static_cast<std::size_t>(r) * FeatDim + c];
     scores_.assign(static_cast<std::size_t>(map.size()) * rows, 0.f);
     for_each_n(executor, map.size(), [&](int g) {
       const float* feature = map.features().row(g);
