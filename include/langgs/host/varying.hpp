@@ -173,11 +173,11 @@ LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
   Varying<float> r;
   for (int i = 0; i < Varying<float>::kParts; ++i) {
     using V = Varying<float>::Native;
-    using I = Varying<std::int32_t>::Native;
+    using Bits = Varying<std::int32_t>::Native;
     const V bounded = x.part[i] > -87.f ? x.part[i] : -87.f - V{};
     const V t = bounded * 1.44269504f;
     const V shifted = t + kMagic;
-    I exponent;
+    Bits exponent;
     std::memcpy(&exponent, &shifted, sizeof(exponent));
     const V f = t - (shifted - kMagic);
     // Taylor series of 2^f on [-1/2, 1/2]
@@ -187,7 +187,7 @@ LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
     p = p * f + 2.4022651e-1f;
     p = p * f + 6.9314718e-1f;
     p = p * f + 1.f;
-    I bits;
+    Bits bits;
     std::memcpy(&bits, &p, sizeof(bits));
     bits += exponent << 23;
     std::memcpy(&r.part[i], &bits, sizeof(bits));
@@ -201,11 +201,11 @@ LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
   Varying<float> r;
   for (int i = 0; i < Varying<float>::kParts; ++i) {
     using V = Varying<float>::Native;
-    using I = Varying<std::int32_t>::Native;
-    I bits;
+    using Bits = Varying<std::int32_t>::Native;
+    Bits bits;
     std::memcpy(&bits, &x.part[i], sizeof(bits));
     // Split so that the mantissa m lies in [sqrt(1/2), sqrt(2)).
-    const I exponent = (bits - 0x3F3504F3) >> 23;
+    const Bits exponent = (bits - 0x3F3504F3) >> 23;
     bits -= exponent << 23;
     V m;
     std::memcpy(&m, &bits, sizeof(m));

@@ -7,7 +7,8 @@ namespace langgs {
 
 /// Adam step sizes by parameter group, and Adam's constants. No bias correction: see SelectiveAdam.
 struct LearningRates {
-  float mean = 2e-4f;  ///< [m]
+  /// [m]. Small: tracking registers to these means, and what photometry does to them becomes drift of the camera.
+  float mean = 2e-5f;
   float log_scale = 5e-3f;
   float rotation = 1e-3f;  ///< on the stored quaternion
   float opacity_logit = 0.05f;

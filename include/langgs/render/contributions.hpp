@@ -90,12 +90,12 @@ struct RecordHits {
   template <class Block>
   LANGGS_HD void operator()(Block& block, Shared<Block>&) const {
     using F = VaryingOf<float, Block>;
-    using I = VaryingOf<std::int32_t, Block>;
+    using Int = VaryingOf<std::int32_t, Block>;
     const int first = instances.tile_begin[block.index()], last = instances.tile_begin[block.index() + 1];
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
       F T = pixels.initial_transmittance();
-      I hits(0), place(0);
+      Int hits(0), place(0);
       if (begin != nullptr) place = pixels.load(warp, begin, 0);
       for (int j = first; j < last; ++j) {
         const int splat = instances.slot_splat[instances.sorted_slot[j]];
@@ -105,10 +105,10 @@ struct RecordHits {
         T = step.next_transmittance;
         const auto hit = step.weight > 0.f;
         if (begin != nullptr) {
-          warp.scatter(gaussian, place + hits, hit, I(instances.splat_gaussian[splat]));
+          warp.scatter(gaussian, place + hits, hit, Int(instances.splat_gaussian[splat]));
           warp.scatter(weight, place + hits, hit, step.weight);
         }
-        hits += select(hit, I(1), I(0));
+        hits += select(hit, Int(1), Int(0));
       }
       if (begin == nullptr) pixels.store(warp, count, hits);
     });

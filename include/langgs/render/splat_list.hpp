@@ -62,8 +62,8 @@ struct ProjectGaussians {
     put(kDepth, p.t[2]);
     put(kHalfWidth, half_width);
     put(kHalfHeight, half_height);
-    using I = VaryingOf<std::int32_t, Lanes>;
-    lanes.store(visible, select(visible_mask, I(1), I(0)));
+    using Int = VaryingOf<std::int32_t, Lanes>;
+    lanes.store(visible, select(visible_mask, Int(1), Int(0)));
   }
 };
 

@@ -25,16 +25,16 @@ struct TopK {
 
   /// Offers a hit. A weight of 0 changes nothing.
   LANGGS_INLINE void insert(const VaryingOf<float, Block>& w, std::int32_t who) {
-    using I = VaryingOf<std::int32_t, Block>;
+    using Int = VaryingOf<std::int32_t, Block>;
     // From the smallest place up: a place takes its upper neighbour's value where w beats the neighbour too.
     for (int k = K - 1; k >= 1; --k) {
       const auto beats_upper = w > weight[k - 1];
       const auto beats_own = w > weight[k];
-      id[k] = select(beats_upper, id[k - 1], select(beats_own, I(who), id[k]));
+      id[k] = select(beats_upper, id[k - 1], select(beats_own, Int(who), id[k]));
       weight[k] = select(beats_upper, weight[k - 1], select(beats_own, w, weight[k]));
     }
     const auto first = w > weight[0];
-    id[0] = select(first, I(who), id[0]);
+    id[0] = select(first, Int(who), id[0]);
     weight[0] = select(first, w, weight[0]);
   }
 };
