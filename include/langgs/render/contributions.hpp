@@ -82,7 +82,7 @@ struct RecordHits {
 
   TileGrid grid;
   InstanceView instances;
-  const std::int32_t* begin;  ///< [H, W + 1]; null while counting
+  const std::int32_t* begin;  ///< [H * W + 1]; null while counting
   std::int32_t* count;        ///< [H, W]
   std::int32_t* gaussian;
   float* weight;

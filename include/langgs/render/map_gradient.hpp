@@ -50,7 +50,7 @@ class MapGradient {
  public:
   /// [14, V] in the order of `gaussian`.
   [[nodiscard]] PlanesView planes() const { return {const_cast<float*>(planes_.data()), stride_, num_gaussians_}; }
-  /// [V] the Gaussian of each column, ascending.
+  /// [V] the Gaussian of each column, ascending. The rasteriser's memory: valid until its next render.
   [[nodiscard]] const std::int32_t* gaussian() const { return gaussian_; }
   [[nodiscard]] int size() const { return num_gaussians_; }
   /// dL/dtau for T_camera_world <- Exp(tau) T_camera_world, translation first.

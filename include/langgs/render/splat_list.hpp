@@ -45,7 +45,7 @@ struct ProjectGaussians {
     F half_width, half_height;
     splat_extent(p, half_width, half_height);
     const float right = static_cast<float>(view.camera.width - 1), bottom = static_cast<float>(view.camera.height - 1);
-    // Written so that a NaN anywhere makes the Gaussian invisible.
+    // Written so that a NaN in what is drawn makes the Gaussian invisible.
     const auto usable = [&](const F& v) { return abs(v) < RasterConstants::kLargestValue; };
     const auto visible_mask =
         (p.t[2] > RasterConstants::kNearPlane) & (half_width > 0.f) & (p.determinant > 0.f) & (p.determinant < 1e30f) &

@@ -60,7 +60,8 @@ class LangGsSlam {
   void finish() { iterate(settings_.final_iterations); }
 
   /// Tracks the frames of `source` at up to `fps` frames per second (0: as they come) in the calling thread, while a
-  /// second thread maps. `observer(report)` is called after each frame and returns false to stop early.
+  /// second thread maps. `observer(report)` is called after each frame and returns false to stop early;
+  /// it must not touch the map, which is being written meanwhile. No frame is held out and `finish` is the caller's.
   template <FrameSource Source, FeatureSource<FeatDim> Features, class Observer>
   void run_realtime(Source& source, Features& features, Observer&& observer, double fps = 0) {
     RealtimeRunner runner{front_end_, mapper_, keyframe_policy, pruning, schedule};
