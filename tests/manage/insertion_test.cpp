@@ -33,7 +33,7 @@ TEST_CASE("insertion: points near a target Gaussian are suppressed by the reused
   const Points points = {{0, 0, 1}, {1, 0, 1}, {2, 0, 1}, {3, 0, 1}, {4, 0, 1}};
   Chosen chosen{77};  // appended to, not overwritten
   const InsertionReport report =
-      filter.select({points, {4.9e-4f, 5.1e-4f, kUnknown, 0.f, std::numeric_limits<float>::quiet_NaN()}}, chosen);
+      filter.select({points, {1.9e-4f, 2.1e-4f, kUnknown, 0.f, std::numeric_limits<float>::quiet_NaN()}}, chosen);
   CHECK(chosen == Chosen{77, 1, 2, 4});
   CHECK(report.num_inserted == 3);
   CHECK(report.num_near == 2);

@@ -96,7 +96,7 @@ TEST_CASE("geometric loss: terms agree with the naive double-precision definitio
     CHECK(loss.terms().l1 == doctest::Approx(l1).epsilon(1e-6));
     CHECK(loss.terms().dssim == doctest::Approx(dssim).epsilon(2e-6));
     CHECK(loss.terms().depth == doctest::Approx(depth).epsilon(1e-6));
-    CHECK(total == doctest::Approx(0.8 * l1 + 0.2 * dssim + 0.01 * depth).epsilon(1e-6));
+    CHECK(total == doctest::Approx(0.8 * l1 + 0.2 * dssim + 0.1 * depth).epsilon(1e-6));
   }
 }
 
