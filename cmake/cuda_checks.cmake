@@ -36,5 +36,8 @@ if(LANGGS_ENABLE_CUDA AND cuda_tests)
   target_compile_options(test_cuda PRIVATE
     "$<$<COMPILE_LANGUAGE:CUDA>:-std=c++20;-lineinfo;--no-compress;--expt-relaxed-constexpr>")
   add_test(NAME cuda.run COMMAND test_cuda)
-  set_tests_properties(cuda.run PROPERTIES LABELS cuda TIMEOUT 1200)
+  # nvcc on the PATH may be a wrapper: tell the launcher where the toolkit is that these programs were built with.
+  find_path(LANGGS_CUDA_INCLUDE cuda_runtime_api.h HINTS ${CMAKE_CUDA_TOOLKIT_INCLUDE_DIRECTORIES} REQUIRED)
+  get_filename_component(cuda_root "${LANGGS_CUDA_INCLUDE}" DIRECTORY)
+  set_tests_properties(cuda.run PROPERTIES LABELS cuda TIMEOUT 1200 ENVIRONMENT "CUDA_PATH=${cuda_root}")
 endif()
