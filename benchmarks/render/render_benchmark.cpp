@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// Times the rasteriser, whole and by stage. LANGGS_WORKLOAD names a folder with gs.ply and cameras.txt for the
+// "workload" family; the "room" family needs nothing. JSON: --benchmark_out=FILE --benchmark_out_format=json.
+#include <benchmark/benchmark.h>
+
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <string>
+#include <tuple>
+
+#include "langgs/render/topk_rasterizer.hpp"
+#include "workload.hpp"
+
+namespace langgs::benchmarks {
+namespace {
+
+/// The last room asked for is kept, since making one takes longer than timing it.
+const Workload& room(int size, int width, int height) {
+  static std::tuple<int, int, int> key;
+  static std::unique_ptr<Workload> kept;
+  if (!kept || key != std::tuple(size, width, height)) {
+    key = {size, width, height};
+    kept = std::make_unique<Workload>(room_workload(size, width, height));
+  }
+  return *kept;
+}
+const Workload& workload() {
+  static const Workload kept = read_workload(std::getenv("LANGGS_WORKLOAD"));
+  return kept;
+}
+
+/// The stages of one view, each callable alone.
+template <int K>
+struct Stages {
+  Executor<Host> executor;
+  SplatList<Host> splats;
+  TopKRasterizer<K == 0 ? 1 : K> rasterizer;
+  MapGradient<Host> gradient;
+  Buffer<float, Host> upstream;
+
+  Stages(const Workload& work, int threads) : executor(threads) {
+    const int pixels = work.views.front().camera.num_pixels();
+    upstream.resize_discard(static_cast<std::size_t>(4) * pixels);
+    const CounterRng rng{5, 0};
+    for (int i = 0; i < 4 * pixels; ++i)
+      upstream.data()[i] = static_cast<float>((rng.uniform(static_cast<std::uint64_t>(i)) - 0.5) / pixels);
+  }
+  void forward(const Workload& work, const View& view) {
+    rasterizer.render(executor, work.map.geometry(), view, K > 0);
+  }
+  void backward(const Workload& work, const View& view) {
+    const int pixels = view.camera.num_pixels();
+    rasterizer.backward(executor, work.map.geometry(), view, {upstream.data(), upstream.data() + 3 * pixels}, gradient);
+  }
+};
+
+/// Renders view after view and reports the mean time of one.
+template <int K, class Body>
+void time_views(benchmark::State& state, const Workload& work, const Body& body) {
+  Stages<K> stages(work, static_cast<int>(state.range(0)));
+  for (const View& view : work.views) body(stages, view);  // buffers grow to their size
+  std::size_t next = 0;
+  for (auto _ : state) body(stages, work.views[next++ % work.views.size()]);
+  state.counters["instances"] = stages.rasterizer.splats().num_instances();
+}
+
+template <int K>
+void forward(benchmark::State& state, const Workload& work) {
+  time_views<K>(state, work, [&](auto& stages, const View& view) { stages.forward(work, view); });
+}
+template <int K>
+void forward_backward(benchmark::State& state, const Workload& work) {
+  time_views<K>(state, work, [&](auto& stages, const View& view) {
+    stages.forward(work, view);
+    stages.backward(work, view);
+  });
+}
+void build_list(benchmark::State& state, const Workload& work) {
+  time_views<0>(state, work, [&](auto& stages, const View& view) {
+    stages.splats.build(stages.executor, work.map.geometry(), view);
+  });
+}
+/// The backward pass alone, of the first view.
+void backward(benchmark::State& state, const Workload& work) {
+  Stages<0> stages(work, static_cast<int>(state.range(0)));
+  stages.forward(work, work.views.front());
+  for (auto _ : state) stages.backward(work, work.views.front());
+}
+
+using Family = void (*)(benchmark::State&, const Workload&);
+const std::pair<const char*, Family> kFamilies[] = {
+    {"splat_list", build_list},   {"forward", forward<0>},
+    {"forward_top1", forward<1>}, {"forward_top3", forward<3>},
+    {"forward_top5", forward<5>}, {"forward_top10", forward<10>},
+    {"backward", backward},       {"forward_backward", forward_backward<0>}};
+
+void apply(benchmark::internal::Benchmark* b) {
+  b->ArgName("threads")->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+}
+
+void register_all() {
+  if (std::getenv("LANGGS_WORKLOAD"))
+    for (const auto& [name, family] : kFamilies)
+      apply(benchmark::RegisterBenchmark(("workload/" + std::string(name)).c_str(),
+                                         [family = family](benchmark::State& s) { family(s, workload()); }));
+  constexpr std::tuple<int, int, int> kRooms[] = {{1'000, 640, 480},     {10'000, 640, 480},  {100'000, 640, 480},
+                                                  {1'000'000, 640, 480}, {100'000, 320, 240}, {100'000, 1280, 720},
+                                                  {100'000, 1920, 1080}};
+  for (const auto& [size, width, height] : kRooms)
+    for (const auto& [name, family] : kFamilies)
+      apply(benchmark::RegisterBenchmark(
+          ("room/" + std::to_string(size) + "/" + std::to_string(width) + "x" + std::to_string(height) + "/" + name)
+              .c_str(),
+          [=, family = family, size = size, width = width, height = height](benchmark::State& s) {
+            family(s, room(size, width, height));
+          }));
+}
+
+}  // namespace
+}  // namespace langgs::benchmarks
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  langgs::benchmarks::register_all();
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "langgs/core/half.hpp"
+#include "langgs/host/varying.hpp"
+
+namespace langgs::host {
+
+struct Thread {
+  int index;
+};
+
+/// 32 lanes in lock step. Code at warp scope is uniform; varying values live in Varying<T>.
+template <int kThreads, bool Checked>
+class Warp {
+ public:
+  explicit Warp(int index) : index_(index) {}
+  [[nodiscard]] LANGGS_INLINE int index() const { return index_; }
+  /// 0 .. 31.
+  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> lane_index() const { return host::lane_index(); }
+  [[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) const { return host::any(mask); }
+  [[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) const { return host::all(mask); }
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE T sum(const Varying<T>& value) const {
+    return reduce_sum(value);
+  }
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE T max(const Varying<T>& value) const {
+    return reduce_max(value);
+  }
+  /// base[0 .. 31] for the 32 lanes.
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
+    return Varying<T>::load(base);
+  }
+  /// The same from half precision; lanes from `count` on are 0 and are not read.
+  [[nodiscard]] LANGGS_INLINE Varying<float> load_half(const Half* base, int count) const {
+    alignas(64) float lanes[kLanes] = {};
+    if (count >= kLanes) {
+      for (int i = 0; i < kLanes; ++i) lanes[i] = static_cast<float>(base[i]);
+    } else {
+      for (int i = 0; i < count; ++i) lanes[i] = static_cast<float>(base[i]);
+    }
+    return Varying<float>::load(lanes);
+  }
+  /// Bit i is set where the mask holds in lane i.
+  [[nodiscard]] LANGGS_INLINE std::uint32_t ballot(const Mask& mask) const { return reduce_or(mask & lane_bits()); }
+  /// The mask whose bits are set in `word`.
+  [[nodiscard]] LANGGS_INLINE Mask unballot(std::uint32_t word) const {
+    return (Varying<std::int32_t>(static_cast<std::int32_t>(word)) & lane_bits()) != 0;
+  }
+  /// base[index] = v in the lanes where `wanted`.
+  template <class T>
+  LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted,
+                             const Varying<T>& v) const {
+    for (int i = 0; i < kLanes; ++i)
+      if (wanted.lane(i) != 0) base[index.lane(i)] = v.lane(i);
+  }
+  /// base[index] in the lanes where `wanted`, `otherwise` in the others.
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
+                                                T otherwise) const {
+    // The other lanes must not read at all: another block may be writing there.
+    alignas(64) T lanes[kLanes];
+    for (int i = 0; i < kLanes; ++i) lanes[i] = wanted.lane(i) != 0 ? base[index.lane(i)] : otherwise;
+    return Varying<T>::load(lanes);
+  }
+
+  /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.
+  template <int kColumns, class T>
+  [[nodiscard]] LANGGS_INLINE Varying<T> load_rect(const T* base, std::ptrdiff_t pitch, int columns, int rows,
+                                                   T outside) const {
+    alignas(64) T lanes[kLanes];
+    for (int i = 0; i < kLanes; ++i) lanes[i] = outside;
+    for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)
+      std::copy_n(base + r * pitch, std::min(columns, kColumns), lanes + r * kColumns);
+    return Varying<T>::load(lanes);
+  }
+  template <int kColumns, class T>
+  LANGGS_INLINE void store_rect(T* base, std::ptrdiff_t pitch, int columns, int rows, const Varying<T>& v) const {
+    alignas(64) T lanes[kLanes];
+    v.store(lanes);
+    for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)
+      std::copy_n(lanes + r * kColumns, std::min(columns, kColumns), base + r * pitch);
+  }
+
+  /// Calls `body(j)` for the j in [0, n), in ascending order, for which `wanted(j)` holds; `body` returns false to
+  /// stop. The choice is made before the calls and without branches (CUDA: one lane per j and a ballot).
+  template <class Wanted, class Body>
+  LANGGS_INLINE void for_each_selected(int n, Wanted wanted, Body body) const {
+    constexpr int kMaxSelected = 256;
+    std::uint16_t selected[kMaxSelected];
+    for (int begin = 0; begin < n; begin += kMaxSelected) {
+      const int end = n - begin < kMaxSelected ? n : begin + kMaxSelected;
+      int count = 0;
+      for (int j = begin; j < end; ++j) {
+        selected[count] = static_cast<std::uint16_t>(j - begin);
+        count += wanted(j) ? 1 : 0;
+      }
+      for (int i = 0; i < count; ++i)
+        if (!body(begin + selected[i])) return;
+    }
+  }
+
+ private:
+  int index_;
+};
+
+}  // namespace langgs::host
