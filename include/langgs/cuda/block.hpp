@@ -45,6 +45,11 @@ struct Thread {
   int index;
 };
 
+/// Warps first .. last of a block, inclusive; none where last < first.
+struct WarpRange {
+  int first, last;
+};
+
 /// 32 lanes; code at warp scope is run by all of them and takes the same branches in all of them.
 class Warp {
  public:
@@ -111,17 +116,6 @@ class Warp {
     if (row < rows && column < columns) base[row * pitch + column] = v;
   }
 
-  /// Calls `body(j)` for the j in [0, n), in ascending order, for which `wanted(j)` holds; `body` returns false to
-  /// stop. Each lane asks about one j; the answers are shared by a ballot.
-  template <class Wanted, class Body>
-  __device__ __forceinline__ void for_each_selected(int n, Wanted wanted, Body body) const {
-    for (int begin = 0; begin < n; begin += kLanes) {
-      const int mine = begin + lane_;
-      for (std::uint32_t left = ballot(mine < n && wanted(mine)); left != 0; left &= left - 1)
-        if (!body(begin + __ffs(static_cast<int>(left)) - 1)) return;
-    }
-  }
-
  private:
   int index_, lane_;
 };
@@ -154,11 +148,68 @@ class Block {
     T value_;
   };
 
+  /// One value for each warp that lives across phases, uniform in the warp.
+  template <class T>
+  using PerWarp = PerThread<T>;
+
+  /// One item of `for_each_item`, as seen by one of the warps that it concerns.
+  class Item {
+   public:
+    __device__ __forceinline__ Item(const Warp& warp, int index) : warp_(warp), index_(index) {}
+    [[nodiscard]] __device__ __forceinline__ int index() const { return index_; }
+    template <class F>
+    __device__ __forceinline__ void warps(F&& body) const {
+      body(warp_);
+    }
+    [[nodiscard]] __device__ __forceinline__ const Warp& warp() const { return warp_; }
+
+   private:
+    const Warp& warp_;
+    int index_;
+  };
+
+  /// Collects N sums, or one maximum, over all lanes of all warps of each item: here one row for each warp.
+  template <int N, int kItems>
+  class ItemTotals {
+   public:
+    __device__ __forceinline__ void put_sums(const Item& item, const float (&values)[N]) {
+#pragma unroll
+      for (int v = 0; v < N; ++v) {
+        const float sum = item.warp().sum(values[v]);
+        if (item.warp().lane_index() == 0) rows_[item.warp().index()][v][item.index()] = sum;
+      }
+    }
+    __device__ __forceinline__ void put_max(const Item& item, float value) {
+      static_assert(N == 1);
+      const float most = item.warp().max(value);
+      if (item.warp().lane_index() == 0) rows_[item.warp().index()][0][item.index()] = most;
+    }
+    /// What was put for item i. Only after a `sync`; `warps` are those of the item, at least one.
+    [[nodiscard]] __device__ __forceinline__ float sum(int i, int v, WarpRange warps) const {
+      float total = 0;
+      for (int w = warps.first; w <= warps.last; ++w) total += rows_[w][v][i];
+      return total;
+    }
+    [[nodiscard]] __device__ __forceinline__ float max(int i, WarpRange warps) const {
+      float most = rows_[warps.first][0][i];
+      for (int w = warps.first + 1; w <= warps.last; ++w) most = most > rows_[w][0][i] ? most : rows_[w][0][i];
+      return most;
+    }
+
+   private:
+    float rows_[kWarps][N][kItems];
+  };
+
   Block() = default;
   Block(const Block&) = delete;
   Block& operator=(const Block&) = delete;
 
   [[nodiscard]] __device__ __forceinline__ int index() const { return static_cast<int>(blockIdx.x); }
+
+  /// 0 .. 31, as in every warp.
+  [[nodiscard]] __device__ __forceinline__ std::int32_t lane_index() const {
+    return static_cast<std::int32_t>(threadIdx.x % kLanes);
+  }
 
   template <class F>
   __device__ __forceinline__ void threads(F&& body) {
@@ -168,6 +219,22 @@ class Block {
   __device__ __forceinline__ void warps(F&& body) {
     const Warp warp(static_cast<int>(threadIdx.x));
     body(warp);
+  }
+  /// Calls `body(item)` for the items 0 .. n-1, in ascending order, that concern the own warp. Each lane asks about one
+  /// item; the answers are shared by a ballot.
+  template <class WarpsOf, class F>
+  __device__ __forceinline__ void for_each_item(int n, WarpsOf&& warps_of, F&& body) {
+    const Warp warp(static_cast<int>(threadIdx.x));
+    for (int begin = 0; begin < n; begin += kLanes) {
+      const int mine = begin + warp.lane_index();
+      bool wanted = false;
+      if (mine < n) {
+        const WarpRange warps = warps_of(mine);
+        wanted = warps.first <= warp.index() && warp.index() <= warps.last;
+      }
+      for (std::uint32_t left = warp.ballot(wanted); left != 0; left &= left - 1)
+        body(Item(warp, begin + __ffs(static_cast<int>(left)) - 1));
+    }
   }
   __device__ __forceinline__ void sync() { __syncthreads(); }
   /// Whether `mask_of(warp)` holds in every lane of every warp. Also a barrier.

@@ -22,8 +22,10 @@
 /// | `block.sync()`                     | `__syncthreads()`          | nothing (checked: next epoch)          |
 /// | `warp.any/all(mask)`               | vote                       | the same value                         |
 /// | `warp.sum/max(v)`                  | xor-shuffle tree           | the same tree                          |
-/// | `warp.for_each_selected(n, p, f)`  | one lane per j, ballot     | branch-free compaction                 |
-/// | `PerThread<T>`                     | one register               | an aligned row                         |
+/// | `block.for_each_item(n, range, f)` | own warp's items, ballot   | loop over the items                    |
+/// | `item.warps(f)`                    | `f` once, own warp         | loop over the item's warps             |
+/// | `ItemTotals<N, n>`                 | shared memory, a row a warp| one reduction over all warps           |
+/// | `PerThread<T>`, `PerWarp<T>`       | one register               | an aligned row                         |
 /// | `SharedArray<T, N>`                | shared memory              | per-worker scratch                     |
 ///
 /// Rules: (1) no `sync` and no phase inside a phase; (2) variables at block and warp scope are uniform, never assign
@@ -33,7 +35,10 @@
 
 namespace langgs {
 
-#if !defined(__CUDACC__)
+#if defined(__CUDACC__)
+using cuda::WarpRange;
+#else
+using host::WarpRange;
 template <class T>
 using Varying = host::Varying<T>;
 #endif

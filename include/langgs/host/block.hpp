@@ -74,6 +74,61 @@ class Block {
     alignas(64) T row_[kThreads];
   };
 
+  /// One value for each warp that lives across phases, uniform in the warp.
+  template <class T>
+  class PerWarp {
+   public:
+    [[nodiscard]] LANGGS_INLINE const T& load(const Warp& warp) const { return row_[warp.index()]; }
+    LANGGS_INLINE void store(const Warp& warp, const T& v) { row_[warp.index()] = v; }
+
+   private:
+    T row_[kWarps];
+  };
+
+  /// One item of `for_each_item` with the warps that it concerns.
+  class Item {
+   public:
+    LANGGS_INLINE Item(Block& block, int index, WarpRange warps) : block_(block), index_(index), warps_(warps) {}
+    [[nodiscard]] LANGGS_INLINE int index() const { return index_; }
+    /// Calls `body(warp)` for the warps of the item, in ascending order.
+    template <class F>
+    LANGGS_INLINE void warps(F&& body) const {
+      for (int w = warps_.first; w <= warps_.last; ++w) {
+        const Warp warp(w);
+        if constexpr (kChecked) block_.context_.agent = kThreads + w;
+        body(warp);
+      }
+      if constexpr (kChecked) block_.context_.agent = kThreads + warps_.first;
+    }
+
+   private:
+    Block& block_;
+    int index_;
+    WarpRange warps_;
+  };
+
+  /// Collects N sums, or one maximum, over all lanes of all warps of each item. At item scope a varying value is shared
+  /// by the warps here, and each warp has its own on CUDA: `put` closes the difference.
+  template <int N, int kItems>
+  class ItemTotals {
+   public:
+    LANGGS_INLINE void put_sums(const Item& item, const Varying<float> (&values)[N]) {
+      float sums[N];
+      reduce_sums(values, sums);
+      for (int v = 0; v < N; ++v) totals_.set(item.index() * N + v, sums[v]);
+    }
+    LANGGS_INLINE void put_max(const Item& item, const Varying<float>& value) {
+      static_assert(N == 1);
+      totals_.set(item.index(), reduce_max(value));
+    }
+    /// What was put for item i. Only after a `sync`; `warps` are those of the item, at least one.
+    [[nodiscard]] LANGGS_INLINE float sum(int i, int v, WarpRange) const { return totals_[i * N + v]; }
+    [[nodiscard]] LANGGS_INLINE float max(int i, WarpRange) const { return totals_[i]; }
+
+   private:
+    SharedArray<float, N * kItems> totals_;
+  };
+
   explicit Block(int index, Permutation permutation = {}) : index_(index), permutation_(permutation) {
     if constexpr (kChecked) CheckContext::current() = &context_;
   }
@@ -84,6 +139,8 @@ class Block {
   Block& operator=(const Block&) = delete;
 
   [[nodiscard]] LANGGS_INLINE int index() const { return index_; }
+  /// 0 .. 31, as in every warp.
+  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> lane_index() const { return host::lane_index(); }
 
   template <class F>
   LANGGS_INLINE void threads(F&& body) {
@@ -96,6 +153,26 @@ class Block {
           const Warp warp(w);
           body(warp);
         });
+  }
+  /// Calls `body(item)` for the items 0 .. n-1, in ascending order, with the warps [first, last] that each concerns;
+  /// items without any are left out. A phase.
+  template <class WarpsOf, class F>
+  LANGGS_INLINE void for_each_item(int n, WarpsOf&& warps_of, F&& body) {
+    if constexpr (kChecked) {
+      if (context_.in_phase) ::langgs::detail::raise<Error>("a phase inside a phase");
+      context_.in_phase = true;
+    }
+    for (int j = 0; j < n; ++j) {
+      // Each warp of the item reads what belongs to it; here the first does so for all.
+      if constexpr (kChecked) context_.agent = kThreads;
+      const WarpRange warps = warps_of(j);
+      if (warps.last < warps.first) continue;
+      body(Item(*this, j, warps));
+    }
+    if constexpr (kChecked) {
+      context_.agent = CheckContext::kBlockScope;
+      context_.in_phase = false;
+    }
   }
   LANGGS_INLINE void sync() {
     if constexpr (kChecked) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
+#include <utility>
 
 #include "langgs/core/config.hpp"
 
@@ -221,6 +222,24 @@ LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
   return r;
 }
 
+/// 256^x = 2^(8x) for x in [-1, 0]: an opacity from its logarithm. Relative error below 2.4e-6, rms 6e-7.
+/// A polynomial of degree 5 for 2^x (minimax, 8e-8), squared three times: no integer arithmetic, no range reduction.
+LANGGS_INLINE Varying<float> exp256(const Varying<float>& x) {
+  LANGGS_FP_CONTRACT
+  Varying<float> r;
+  for (int i = 0; i < Varying<float>::kParts; ++i) {
+    auto p = 9.387883474e-4f * x.part[i] + 9.188611992e-3f;
+    p = p * x.part[i] + 5.527972430e-2f;
+    p = p * x.part[i] + 2.401721925e-1f;
+    p = p * x.part[i] + 6.931422353e-1f;
+    p = p * x.part[i] + 9.999999404e-1f;
+    p = p * p;
+    p = p * p;
+    r.part[i] = p * p;
+  }
+  return r;
+}
+
 LANGGS_INLINE Varying<float> sqrt(const Varying<float>& x) {
   Varying<float> r;
   for (int i = 0; i < Varying<float>::kParts; ++i)
@@ -308,6 +327,49 @@ LANGGS_INLINE T reduce_max(const Varying<T>& a) {
 [[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) {
   return detail::reduce(
              mask, [](auto x, auto y) __attribute__((always_inline)) { return x & y; }) != 0;
+}
+
+namespace detail {
+
+template <int kSpan, class V, int... kLane>
+LANGGS_INLINE V fold_pair(const V& a, const V& b, std::integer_sequence<int, kLane...>) {
+  // Of the 2 L lanes of a and b, those whose bit kSpan is clear, in order; and the same plus kSpan.
+  return __builtin_shufflevector(a, b, (kLane / kSpan * 2 * kSpan + kLane % kSpan)...) +
+         __builtin_shufflevector(a, b, (kLane / kSpan * 2 * kSpan + kLane % kSpan + kSpan)...);
+}
+/// Folds pairs of vectors until each lane is the sum of one of them; lane i of vector g belongs to input g L + i.
+template <int kSpan, int N, class V>
+LANGGS_INLINE void fold_all(V (&v)[N]) {
+  constexpr int kNativeLanes = kNativeBytes / 4;
+  constexpr int kHalf = (N + 1) / 2;
+  V folded[kHalf];
+  for (int i = 0; i < kHalf; ++i)
+    folded[i] =
+        fold_pair<kSpan>(v[2 * i], 2 * i + 1 < N ? v[2 * i + 1] : V{}, std::make_integer_sequence<int, kNativeLanes>{});
+  if constexpr (kSpan > 1) fold_all<kSpan / 2>(folded);
+  for (int i = 0; i < kHalf; ++i) v[i] = folded[i];
+}
+
+}  // namespace detail
+
+/// sums[i] = reduce_sum(values[i]), all at once: the tree of reduce_sum, in a fraction of its shuffles.
+template <int N>
+LANGGS_INLINE void reduce_sums(const Varying<float> (&values)[N], float (&sums)[N]) {
+  using V = Varying<float>::Native;
+  constexpr int kParts = Varying<float>::kParts, kNativeLanes = Varying<float>::kNativeLanes;
+  constexpr int kGroups = (N + kNativeLanes - 1) / kNativeLanes;
+  V v[N > kGroups ? N : kGroups];
+  for (int n = 0; n < N; ++n) {
+    V part[kParts];
+    for (int i = 0; i < kParts; ++i) part[i] = values[n].part[i];
+    for (int half = kParts / 2; half >= 1; half /= 2)
+      for (int i = 0; i < half; ++i) part[i] = part[i] + part[i + half];
+    v[n] = part[0];
+  }
+  detail::fold_all<kNativeLanes / 2>(v);
+  alignas(64) float lanes[kGroups * kNativeLanes];
+  std::memcpy(lanes, v, sizeof(lanes));
+  std::memcpy(sums, lanes, sizeof(sums));
 }
 
 #undef LANGGS_LANEWISE

@@ -14,6 +14,11 @@ struct Thread {
   int index;
 };
 
+/// Warps first .. last of a block, inclusive; none where last < first.
+struct WarpRange {
+  int first, last;
+};
+
 /// 32 lanes in lock step. Code at warp scope is uniform; varying values live in Varying<T>.
 template <int kThreads, bool Checked>
 class Warp {
@@ -86,24 +91,6 @@ class Warp {
     v.store(lanes);
     for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)
       std::copy_n(lanes + r * kColumns, std::min(columns, kColumns), base + r * pitch);
-  }
-
-  /// Calls `body(j)` for the j in [0, n), in ascending order, for which `wanted(j)` holds; `body` returns false to
-  /// stop. The choice is made before the calls and without branches (CUDA: one lane per j and a ballot).
-  template <class Wanted, class Body>
-  LANGGS_INLINE void for_each_selected(int n, Wanted wanted, Body body) const {
-    constexpr int kMaxSelected = 256;
-    std::uint16_t selected[kMaxSelected];
-    for (int begin = 0; begin < n; begin += kMaxSelected) {
-      const int end = n - begin < kMaxSelected ? n : begin + kMaxSelected;
-      int count = 0;
-      for (int j = begin; j < end; ++j) {
-        selected[count] = static_cast<std::uint16_t>(j - begin);
-        count += wanted(j) ? 1 : 0;
-      }
-      for (int i = 0; i < count; ++i)
-        if (!body(begin + selected[i])) return;
-    }
   }
 
  private:

@@ -10,31 +10,49 @@
 
 namespace langgs {
 
-/// A projected Gaussian as the tile kernels read it.
-struct Splat {
-  float x, y;                  ///< mean [px]
-  float half_xx, xy, half_yy;  ///< conic, as power = -(half_xx dx^2 + xy dx dy + half_yy dy^2)
-  float opacity;
+/// log(x) / log(256), so that an 8-bit image's range of opacities, 1/255 to 1, is about [-1, 0].
+inline constexpr float kLog256 = 0.18033688f;  // 1 / ln 256
+
+/// A projected Gaussian as the tile kernels read it: log256(alpha) = log_opacity - (half_xx dx^2 + xy dx dy +
+/// half_yy dy^2) with (dx, dy) the mean minus the pixel.
+struct alignas(16) Splat {
+  float x, y;                     ///< mean [px]
+  float half_xx, xy, half_yy;     ///< conic times kLog256
+  float log_opacity;              ///< to the base 256
   float red, green, blue, depth;  ///< colour and camera-space z of the mean [m]
-  short first_row, last_row;      ///< rows of the image that it can touch, inclusive
-  short first_column, last_column;
+  float half_width, half_height;  ///< of the box outside of which the splat is invisible [px]
+};
+
+/// What the pixels of one column have in common with respect to a splat (per lane).
+template <class V>
+struct SplatColumn {
+  V dx, level, slope;
+
+  LANGGS_INLINE SplatColumn(const Splat& s, const V& column) {
+    dx = s.x - column;
+    level = s.log_opacity - s.half_xx * dx * dx;
+    slope = s.xy * dx;
+  }
 };
 
 /// A splat's footprint at a pixel (per lane).
 template <class V>
 struct Footprint {
-  V dx, dy;   ///< splat mean minus pixel [px]
-  V falloff;  ///< exp(power), in (0, 1]
-  V alpha;    ///< min(kMaxAlpha, opacity * falloff)
+  static constexpr float kMinLog = -0.99929418f;  // log256(RasterConstants::kMinAlpha)
+  static constexpr float kMaxLog = -0.00181245f;  // log256(RasterConstants::kMaxAlpha)
 
-  LANGGS_INLINE Footprint(const Splat& s, const V& column, const V& row) {
-    dx = s.x - column;
+  V dy;         ///< splat mean minus pixel [px]
+  V log_alpha;  ///< to the base 256, not bounded
+  V alpha;      ///< in [kMinAlpha, kMaxAlpha], meaningful where visible
+
+  LANGGS_INLINE Footprint(const Splat& s, const SplatColumn<V>& column, const V& row) {
     dy = s.y - row;
-    // Positive definite up to rounding; the bound at 0 takes the rest.
-    const V power = min(-(s.half_xx * dx * dx + (s.half_yy * dy + s.xy * dx) * dy), 0.f);
-    falloff = exp(power);
-    alpha = min(s.opacity * falloff, RasterConstants::kMaxAlpha);
+    log_alpha = column.level - (s.half_yy * dy + column.slope) * dy;
+    // The upper bound also takes the rounding of a conic that is positive definite only in exact arithmetic.
+    alpha = exp256(min(max(log_alpha, kMinLog), kMaxLog));
   }
+  [[nodiscard]] LANGGS_INLINE auto is_visible() const { return log_alpha >= kMinLog; }
+  [[nodiscard]] LANGGS_INLINE auto is_clamped() const { return log_alpha >= kMaxLog; }
 };
 
 /// One step of front-to-back blending. A pixel that has stopped keeps its transmittance, negated.
@@ -43,12 +61,11 @@ struct BlendStep {
   V weight;  ///< w = alpha T, or 0 where the splat is skipped
   V next_transmittance;
 
-  LANGGS_INLINE BlendStep(const V& alpha, const V& transmittance) {
-    using C = RasterConstants;
-    const V candidate = alpha * transmittance;
+  LANGGS_INLINE BlendStep(const Footprint<V>& at, const V& transmittance) {
+    const V candidate = at.alpha * transmittance;
     const V remaining = transmittance - candidate;
-    const auto visible = alpha >= C::kMinAlpha;
-    const auto goes_on = remaining >= C::kMinTransmittance;
+    const auto visible = at.is_visible();
+    const auto goes_on = remaining >= RasterConstants::kMinTransmittance;  // never where stopped
     weight = select(visible & goes_on, candidate, V(0.f));
     next_transmittance = select(visible, select(goes_on, remaining, -abs(transmittance)), transmittance);
   }

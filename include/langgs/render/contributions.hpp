@@ -92,20 +92,22 @@ struct RecordHits {
     using F = VaryingOf<float, Block>;
     using Int = VaryingOf<std::int32_t, Block>;
     const int first = instances.tile_begin[block.index()], last = instances.tile_begin[block.index() + 1];
+    const F columns = pixel_columns(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
-      F T = pixels.initial_transmittance();
+      const F rows = pixel_rows(grid, block, warp);
+      F T = pixels.initial_transmittance(warp);
       Int hits(0), place(0);
       if (begin != nullptr) place = pixels.load(warp, begin, 0);
       for (int j = first; j < last; ++j) {
-        const int splat = instances.slot_splat[instances.sorted_slot[j]];
-        const Splat& s = instances.splats[splat];
-        if (!pixels.touches(s.first_row, s.last_row)) continue;
-        const BlendStep<F> step(Footprint<F>(s, pixels.column, pixels.row).alpha, T);
+        const Instance& instance = instances.sorted(j);
+        if (warp.index() < instance.first_warp || warp.index() > instance.last_warp) continue;
+        const Splat& s = instances.splats[instance.splat];
+        const BlendStep<F> step(Footprint<F>(s, SplatColumn<F>(s, columns), rows), T);
         T = step.next_transmittance;
         const auto hit = step.weight > 0.f;
         if (begin != nullptr) {
-          warp.scatter(gaussian, place + hits, hit, Int(instances.splat_gaussian[splat]));
+          warp.scatter(gaussian, place + hits, hit, Int(instances.splat_gaussian[instance.splat]));
           warp.scatter(weight, place + hits, hit, step.weight);
         }
         hits += select(hit, Int(1), Int(0));

@@ -23,7 +23,7 @@ enum ProjectedPlane : int {
   kConicXX,
   kConicXY,
   kConicYY,
-  kOpacity,
+  kLogOpacity,
   kDepth,
   kHalfWidth,
   kHalfHeight,
@@ -58,13 +58,73 @@ struct ProjectGaussians {
     put(kConicXX, p.conic[0]);
     put(kConicXY, p.conic[1]);
     put(kConicYY, p.conic[2]);
-    put(kOpacity, p.opacity);
+    put(kLogOpacity, kLog256 * log(p.opacity));
     put(kDepth, p.t[2]);
     put(kHalfWidth, half_width);
     put(kHalfHeight, half_height);
     using Int = VaryingOf<std::int32_t, Lanes>;
     lanes.store(visible, select(visible_mask, Int(1), Int(0)));
   }
+};
+
+/// floor(x) for x in [-1, 65535], at most one more: what is rounded away makes a box larger, never smaller.
+LANGGS_INLINE int floor_or_more(float x) { return static_cast<int>(x + 1.f) - 1; }
+/// ceil(x) for x in [-1, 65535], at most one less.
+LANGGS_INLINE int ceil_or_less(float x) { return 65536 - static_cast<int>(65536.f - x); }
+
+/// The pixels that a splat's box covers, and the tiles that they lie in.
+struct TileBox {
+  int first_column, last_column, first_row, last_row;  ///< [px], inclusive
+
+  LANGGS_INLINE TileBox(const Splat& s, int width, int height) {
+    range(s.x, s.half_width, width, first_column, last_column);
+    range(s.y, s.half_height, height, first_row, last_row);
+  }
+  [[nodiscard]] LANGGS_INLINE int first_tile_column() const { return first_column / TileGrid::kSize; }
+  [[nodiscard]] LANGGS_INLINE int last_tile_column() const { return last_column / TileGrid::kSize; }
+  [[nodiscard]] LANGGS_INLINE int first_tile_row() const { return first_row / TileGrid::kSize; }
+  [[nodiscard]] LANGGS_INLINE int last_tile_row() const { return last_row / TileGrid::kSize; }
+  /// Number of tiles; 0 for a splat between two pixel centres.
+  [[nodiscard]] LANGGS_INLINE int count() const {
+    if (last_column < first_column || last_row < first_row) return 0;
+    return (last_tile_column() - first_tile_column() + 1) * (last_tile_row() - first_tile_row() + 1);
+  }
+
+ private:
+  static LANGGS_INLINE void range(float centre, float half, int size, int& first, int& last) {
+    const float limit = static_cast<float>(size - 1);
+    first = ceil_or_less(min(max(centre - half, 0.f), limit));
+    last = floor_or_more(max(min(centre + half, limit), 0.f));
+  }
+};
+
+/// The rows that the ellipse of a splat reaches within a band of columns: exact, where the box takes its corners too.
+class RowsOfColumns {
+ public:
+  LANGGS_INLINE RowsOfColumns(const Splat& s, const TileBox& box) : x_(s.x), y_(s.y), box_(box) {
+    slope_ = -0.5f * s.xy / s.half_yy;
+    highest_at_ = -0.5f * s.xy / s.half_xx * s.half_height;
+    // q(u, v) = half_xx u^2 + xy u v + half_yy v^2 <= level, solved for v; u = half_width touches the ellipse.
+    span_ = sqrt(1.001f * (s.log_opacity - Footprint<float>::kMinLog) / s.half_yy);
+    inverse_width_ = 1.f / s.half_width;
+  }
+  LANGGS_INLINE void operator()(int first_column, int last_column, int& first_row, int& last_row) const {
+    const float left = static_cast<float>(max(first_column, box_.first_column)) - x_;
+    const float right = static_cast<float>(min(last_column, box_.last_column)) - x_;
+    first_row = ceil_or_less(min(max(y_ + edge(left, right, -1.f), static_cast<float>(box_.first_row)), 65535.f));
+    last_row = floor_or_more(max(min(y_ + edge(left, right, 1.f), static_cast<float>(box_.last_row)), -1.f));
+  }
+
+ private:
+  /// The extreme v of the side (1: largest, -1: smallest) for u in [left, right].
+  [[nodiscard]] LANGGS_INLINE float edge(float left, float right, float side) const {
+    const float u = min(max(side * highest_at_, left), right), share = u * inverse_width_;
+    return slope_ * u + side * span_ * sqrt(max(1.f - share * share, 0.f));
+  }
+
+  float x_, y_;
+  const TileBox& box_;
+  float slope_, highest_at_, span_, inverse_width_;
 };
 
 /// Packs the visible Gaussians as splats with their pixel boxes, depth keys and numbers of tiles.
@@ -84,55 +144,57 @@ struct PackSplats {
     Splat s;
     s.x = at(kPixelX);
     s.y = at(kPixelY);
-    s.half_xx = 0.5f * at(kConicXX);
-    s.xy = at(kConicXY);
-    s.half_yy = 0.5f * at(kConicYY);
-    s.opacity = at(kOpacity);
+    s.half_xx = 0.5f * kLog256 * at(kConicXX);
+    s.xy = kLog256 * at(kConicXY);
+    s.half_yy = 0.5f * kLog256 * at(kConicYY);
+    s.log_opacity = at(kLogOpacity);
     s.depth = at(kDepth);
     s.red = map.plane(kRed)[i];
     s.green = map.plane(kGreen)[i];
     s.blue = map.plane(kBlue)[i];
-    range(s.x, at(kHalfWidth), camera.width, s.first_column, s.last_column);
-    range(s.y, at(kHalfHeight), camera.height, s.first_row, s.last_row);
+    s.half_width = at(kHalfWidth);
+    s.half_height = at(kHalfHeight);
     splats[c] = s;
     // Positive floats order as their bits.
     std::memcpy(&depth_key[c], &s.depth, sizeof(float));
-    const int columns = s.last_column / TileGrid::kSize - s.first_column / TileGrid::kSize + 1;
-    const int rows = s.last_row / TileGrid::kSize - s.first_row / TileGrid::kSize + 1;
-    // A splat between two pixel centres touches none.
-    num_tiles[c] = s.last_column < s.first_column || s.last_row < s.first_row ? 0 : columns * rows;
-  }
-
- private:
-  LANGGS_HD static void range(float centre, float half, int size, short& first, short& last) {
-    const float limit = static_cast<float>(size - 1);
-    first = static_cast<short>(std::ceil(min(max(centre - half, 0.f), limit)));
-    last = static_cast<short>(std::floor(max(min(centre + half, limit), 0.f)));
+    num_tiles[c] = TileBox(s, camera.width, camera.height).count();
   }
 };
 
-/// Writes the (tile, slot) pairs of each splat, splats taken from near to far.
+/// Writes the (tile, slot) pairs of each splat. Splats are read as they lie in memory, and write to the places that
+/// they have from near to far: a store to anywhere is cheap, a load from anywhere is not.
 struct EmitInstances {
-  int tile_columns;
-  const std::int32_t* order;       ///< [V] splats from near to far
-  const std::int32_t* emit_begin;  ///< [V + 1] by rank
+  TileGrid grid;
+  const std::int32_t* emit_begin;  ///< [V] by splat: places of its pairs, in order of depth
   const std::int32_t* slot_begin;  ///< [V + 1] by splat
   const Splat* splats;
-  std::uint32_t* tile;       ///< [I]
-  std::int32_t* slot;        ///< [I]
-  std::int32_t* slot_splat;  ///< [I]
+  std::uint32_t* tile;  ///< [I]
+  std::int32_t* slot;   ///< [I]
+  Instance* instance;   ///< [I] by slot
 
-  LANGGS_HD void operator()(int rank) const {
-    const int c = order[rank];
+  LANGGS_HD void operator()(int c) const {
     const Splat& s = splats[c];
-    int e = emit_begin[rank], k = slot_begin[c];
-    if (slot_begin[c + 1] == k) return;
-    for (int row = s.first_row / TileGrid::kSize; row <= s.last_row / TileGrid::kSize; ++row)
-      for (int column = s.first_column / TileGrid::kSize; column <= s.last_column / TileGrid::kSize; ++column) {
-        tile[e] = static_cast<std::uint32_t>(row * tile_columns + column);
+    const TileBox box(s, grid.width, grid.height);
+    if (box.count() == 0) return;
+    const RowsOfColumns rows_of(s, box);
+    int e = emit_begin[c], k = slot_begin[c];
+    for (int column = box.first_tile_column(); column <= box.last_tile_column(); ++column) {
+      int first, last;
+      rows_of(column * TileGrid::kSize, column * TileGrid::kSize + TileGrid::kSize - 1, first, last);
+      for (int row = box.first_tile_row(); row <= box.last_tile_row(); ++row) {
+        const int top = row * TileGrid::kSize;
+        tile[e] = static_cast<std::uint32_t>(row * grid.columns + column);
         slot[e++] = k;
-        slot_splat[k++] = c;
+        instance[k++] = {c, warp_of(max(first - top, 0)), warp_of(min(last - top, TileGrid::kSize - 1))};
       }
+    }
+  }
+
+ private:
+  /// The warp of a row of a tile; rows beyond the tile stay beyond its warps.
+  static LANGGS_INLINE std::int16_t warp_of(int row) {
+    static_assert(TileGrid::kRowsPerWarp == 2);
+    return static_cast<std::int16_t>(row >> 1);
   }
 };
 
@@ -155,7 +217,7 @@ class SplatList {
   /// [V + 1] slots of splat c are slot_begin()[c] .. slot_begin()[c + 1].
   [[nodiscard]] const std::int32_t* slot_begin() const { return slot_begin_.data(); }
   [[nodiscard]] InstanceView instances() const {
-    return {tile_begin_.data(), sorted_slot_.data(), slot_splat_.data(), splats_.data(), gaussian_.data()};
+    return {tile_begin_.data(), sorted_slot_.data(), instance_.data(), splats_.data(), gaussian_.data()};
   }
 
  private:
@@ -176,24 +238,24 @@ class SplatList {
 
   void sort_into_tiles(const Executor<Backend>& executor) {
     slot_begin_.resize_discard(num_splats_ + 1);
-    emit_begin_.resize_discard(num_splats_ + 1);
+    emit_begin_.resize_discard(num_splats_);
     order_.resize_discard(num_splats_);
     num_instances_ = exclusive_scan(executor, num_tiles_.data(), slot_begin_.data(), num_splats_);
     for (int c = 0; c < num_splats_; ++c) order_.data()[c] = c;
     sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_);
     std::int32_t total = 0;
     for (int rank = 0; rank < num_splats_; ++rank) {
-      emit_begin_.data()[rank] = total;
-      total += num_tiles_.data()[order_.data()[rank]];
+      const int c = order_.data()[rank];
+      emit_begin_.data()[c] = total;
+      total += num_tiles_.data()[c];
     }
-    emit_begin_.data()[num_splats_] = total;
     tile_.resize_discard(num_instances_);
     slot_.resize_discard(num_instances_);
-    slot_splat_.resize_discard(num_instances_);
+    instance_.resize_discard(num_instances_);
     sorted_slot_.resize_discard(num_instances_);
     for_each_n(executor, num_splats_,
-               EmitInstances{grid_.columns, order_.data(), emit_begin_.data(), slot_begin_.data(), splats_.data(),
-                             tile_.data(), slot_.data(), slot_splat_.data()});
+               EmitInstances{grid_, emit_begin_.data(), slot_begin_.data(), splats_.data(), tile_.data(),
+                             slot_.data(), instance_.data()});
     group_by_key(executor, tile_.data(), slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
                  scratch_);
   }
@@ -204,7 +266,8 @@ class SplatList {
   Buffer<Splat, Backend> splats_;
   Buffer<std::uint32_t, Backend> depth_key_, tile_;
   Buffer<std::int32_t, Backend> visible_, gaussian_, num_tiles_, slot_begin_, emit_begin_, order_;
-  Buffer<std::int32_t, Backend> slot_, slot_splat_, sorted_slot_;
+  Buffer<std::int32_t, Backend> slot_, sorted_slot_;
+  Buffer<Instance, Backend> instance_;
   std::vector<std::int32_t> tile_begin_, scratch_;
 };
 

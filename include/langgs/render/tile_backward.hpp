@@ -33,21 +33,19 @@ enum SplatSum : int {
 /// atomics.
 struct TileBackward {
   static constexpr int kThreads = TileGrid::kThreads;
-  static constexpr int kWarps = kThreads / 32;
   static constexpr int kBatch = 64;
-  static constexpr int kStopTestPeriod = 8;
 
   template <class Block>
   struct Shared {
-    typename Block::template SharedArray<Splat, kBatch> splat;
-    typename Block::template SharedArray<float, kWarps * kNumSplatSums * kBatch> partial;  // [warp, sum, splat]
+    TileBatch<Block, kBatch> batch;
+    typename Block::template ItemTotals<kNumSplatSums, kBatch> sums;
   };
 
   TileGrid grid;
   InstanceView instances;
   RenderPlanes rendered;
   RenderGradient gradient;
-  float* slot_sums = nullptr;  ///< [num_instances, kNumSplatSums] by slot, zeroed by the caller
+  float* slot_sums = nullptr;  ///< [num_instances, kNumSplatSums] by slot
 
   template <class Block>
   LANGGS_HD void operator()(Block& block, Shared<Block>& shared) const {
@@ -55,98 +53,76 @@ struct TileBackward {
     const int begin = instances.tile_begin[block.index()], end = instances.tile_begin[block.index() + 1];
     if (begin == end) return;
     // `behind` is the part of dL/dC . C + dL/dD D that is not blended yet.
-    typename Block::template PerThread<float> transmittance, behind;
+    typename Block::template PerThread<float> transmittance, behind, up_red, up_green, up_blue, up_depth;
+    typename Block::template PerWarp<bool> is_live;
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
-      const Upstream<Block> up(*this, pixels, warp);
-      const std::ptrdiff_t plane = plane_size();
-      transmittance.store(warp, pixels.initial_transmittance());
-      behind.store(warp, up.red * pixels.load(warp, rendered.colour, 0.f) +
-                             up.green * pixels.load(warp, rendered.colour + plane, 0.f) +
-                             up.blue * pixels.load(warp, rendered.colour + 2 * plane, 0.f) +
-                             up.depth * pixels.load(warp, rendered.depth, 0.f));
+      const std::ptrdiff_t plane = static_cast<std::ptrdiff_t>(grid.width) * grid.height;
+      F sum(0.f);
+      const auto take = [&](auto& row, const float* upstream, const float* value) {
+        const F up = pixels.load(warp, upstream, 0.f);
+        row.store(warp, up);
+        sum += up * pixels.load(warp, value, 0.f);
+      };
+      take(up_red, gradient.colour, rendered.colour);
+      take(up_green, gradient.colour + plane, rendered.colour + plane);
+      take(up_blue, gradient.colour + 2 * plane, rendered.colour + 2 * plane);
+      take(up_depth, gradient.depth, rendered.depth);
+      behind.store(warp, sum);
+      transmittance.store(warp, pixels.initial_transmittance(warp));
     });
 
+    bool all_stopped = false;
     for (int first = begin; first < end; first += kBatch) {
       const int n = end - first < kBatch ? end - first : kBatch;
-      block.threads([&](auto thread) {
-        if (thread.index < n)
-          shared.splat.set(thread.index,
-                           instances.splats[instances.slot_splat[instances.sorted_slot[first + thread.index]]]);
-      });
+      shared.batch.load(block, instances, first, all_stopped ? 0 : n);
+      block.warps([&](const auto& warp) { is_live.store(warp, warp.any(transmittance.load(warp) > 0.f)); });
       block.sync();
-      block.warps([&](const auto& warp) {
-        for (int i = 0; i < kNumSplatSums * kBatch; i += 32)
-          shared.partial.store(warp.index() * kNumSplatSums * kBatch + i, F(0.f), warp);
-        F T = transmittance.load(warp);
-        if (warp.all(T < 0.f)) return;
-        F rest = behind.load(warp);
-        const WarpPixels<Block> pixels(grid, block.index(), warp);
-        const Upstream<Block> up(*this, pixels, warp);
-        int hits = 0;
-        warp.for_each_selected(
-            n,
-            [&](int j) {
-              const Splat& s = shared.splat[j];
-              return pixels.touches(s.first_row, s.last_row);
-            },
-            [&](int j) {
-              const Splat s = shared.splat[j];
-              const Footprint<F> at(s, pixels.column, pixels.row);
-              const BlendStep<F> step(at.alpha, T);
-              const F value = up.red * s.red + up.green * s.green + up.blue * s.blue + up.depth * s.depth;
-              rest -= step.weight * value;
+      block.for_each_item(
+          all_stopped ? 0 : n, [&](int j) { return shared.batch.warps(j); },
+          [&](const auto& item) {
+            const Splat& s = shared.batch.splat(item.index());
+            const SplatColumn<F> column(s, pixel_columns(grid, block));
+            F p_sum(0.f), py_sum(0.f), pyy_sum(0.f), red(0.f), green(0.f), blue(0.f), depth(0.f);
+            item.warps([&](const auto& warp) {
+              if (!is_live.load(warp)) return;
+              const F T = transmittance.load(warp);
+              const Footprint<F> at(s, column, pixel_rows(grid, block, warp));
+              const BlendStep<F> step(at, T);
+              transmittance.store(warp, step.next_transmittance);
+              const F r = up_red.load(warp), g = up_green.load(warp), b = up_blue.load(warp), d = up_depth.load(warp);
+              const F value = r * s.red + g * s.green + b * s.blue + d * s.depth;
+              const F rest = behind.load(warp) - step.weight * value;
+              behind.store(warp, rest);
               // p = alpha dL/dalpha, with dL/dalpha = T value - rest / (1 - alpha).
-              const F p = select((step.weight > 0.f) & (at.alpha < RasterConstants::kMaxAlpha),
+              const F p = select((step.weight > 0.f) & !at.is_clamped(),
                                  step.weight * value - at.alpha * rest / (1.f - at.alpha), F(0.f));
-              T = step.next_transmittance;
-              const F px = p * at.dx, py = p * at.dy;
-              const int row = warp.index() * kNumSplatSums * kBatch + j;
-              const auto put = [&](SplatSum sum, const F& v) { shared.partial.set(row + sum * kBatch, warp.sum(v)); };
-              put(kSumP, p);
-              put(kSumPX, px);
-              put(kSumPY, py);
-              put(kSumPXX, px * at.dx);
-              put(kSumPXY, px * at.dy);
-              put(kSumPYY, py * at.dy);
-              put(kSumRed, step.weight * up.red);
-              put(kSumGreen, step.weight * up.green);
-              put(kSumBlue, step.weight * up.blue);
-              put(kSumDepth, step.weight * up.depth);
-              return ++hits % kStopTestPeriod != 0 || !warp.all(T < 0.f);
+              const F py = p * at.dy;
+              p_sum += p;
+              py_sum += py;
+              pyy_sum += py * at.dy;
+              red += step.weight * r;
+              green += step.weight * g;
+              blue += step.weight * b;
+              depth += step.weight * d;
             });
-        transmittance.store(warp, T);
-        behind.store(warp, rest);
-      });
+            const F px_sum = p_sum * column.dx;
+            const F sums[kNumSplatSums] = {p_sum, px_sum, py_sum, px_sum * column.dx, py_sum * column.dx, pyy_sum, red,
+                                           green, blue,   depth};
+            shared.sums.put_sums(item, sums);
+          });
       block.sync();
       block.threads([&](auto thread) {
         if (thread.index >= n) return;
+        const WarpRange warps = all_stopped ? WarpRange{1, 0} : shared.batch.warps(thread.index);
         float* out =
             slot_sums + static_cast<std::ptrdiff_t>(instances.sorted_slot[first + thread.index]) * kNumSplatSums;
-        for (int sum = 0; sum < kNumSplatSums; ++sum) {
-          float total = 0;
-          for (int w = 0; w < kWarps; ++w) total += shared.partial[(w * kNumSplatSums + sum) * kBatch + thread.index];
-          out[sum] = total;
-        }
+        for (int sum = 0; sum < kNumSplatSums; ++sum)
+          out[sum] = warps.last < warps.first ? 0.f : shared.sums.sum(thread.index, sum, warps);
       });
-      block.sync();
-      if (block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; })) break;
+      all_stopped = all_stopped || block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; });
     }
   }
-
- private:
-  LANGGS_INLINE std::ptrdiff_t plane_size() const { return static_cast<std::ptrdiff_t>(grid.width) * grid.height; }
-
-  /// Gradients of the loss at the warp's pixels.
-  template <class Block>
-  struct Upstream {
-    VaryingOf<float, Block> red, green, blue, depth;
-    LANGGS_INLINE Upstream(const TileBackward& k, const WarpPixels<Block>& pixels, const typename Block::Warp& warp)
-        : red(pixels.load(warp, k.gradient.colour, 0.f)),
-          green(pixels.load(warp, k.gradient.colour + k.plane_size(), 0.f)),
-          blue(pixels.load(warp, k.gradient.colour + 2 * k.plane_size(), 0.f)),
-          depth(pixels.load(warp, k.gradient.depth, 0.f)) {}
-  };
 };
 
 }  // namespace langgs

@@ -28,14 +28,12 @@ struct TopKPlanes {
 template <int K>
 struct TileForward {
   static constexpr int kThreads = TileGrid::kThreads;
-  static constexpr int kWarps = kThreads / 32;
-  static constexpr int kBatch = 256;
-  static constexpr int kStopTestPeriod = 8;  // hits between two looks at whether the whole warp has stopped
+  static constexpr int kBatch = 64;
 
   template <class Block>
   struct Shared {
-    typename Block::template SharedArray<Splat, kBatch> splat;
-    typename Block::template SharedArray<float, (K > 0 ? kWarps * kBatch : 32)> max_weight;
+    TileBatch<Block, kBatch> batch;
+    typename Block::template ItemTotals<1, (K > 0 ? kBatch : 1)> largest;  // weights
   };
 
   TileGrid grid;
@@ -49,69 +47,61 @@ struct TileForward {
     const int begin = instances.tile_begin[block.index()], end = instances.tile_begin[block.index() + 1];
     typename Block::template PerThread<float> transmittance, red, green, blue, depth;
     TopKState<Block> topk;
+    typename Block::template PerWarp<bool> is_live, records;
 
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
-      transmittance.store(warp, pixels.initial_transmittance());
+      transmittance.store(warp, pixels.initial_transmittance(warp));
       for (auto* row : {&red, &green, &blue, &depth}) row->store(warp, F(0.f));
       topk.clear(warp);
     });
 
     for (int first = begin; first < end; first += kBatch) {
       const int n = end - first < kBatch ? end - first : kBatch;
-      block.threads([&](auto thread) {
-        if (thread.index >= n) return;
-        const int splat = instances.slot_splat[instances.sorted_slot[first + thread.index]];
-        shared.splat.set(thread.index, instances.splats[splat]);
-        if constexpr (K > 0) top.instance_gaussian[first + thread.index] = instances.splat_gaussian[splat];
-      });
-      block.sync();
+      shared.batch.load(block, instances, first, n);
+      if constexpr (K > 0)
+        block.threads([&](auto thread) {
+          if (thread.index < n)
+            top.instance_gaussian[first + thread.index] =
+                instances.splat_gaussian[instances.sorted(first + thread.index).splat];
+        });
       block.warps([&](const auto& warp) {
-        F T = transmittance.load(warp);
-        const WarpPixels<Block> pixels(grid, block.index(), warp);
-        if constexpr (K > 0)
-          for (int j = 0; j < n; j += 32) shared.max_weight.store(warp.index() * kBatch + j, F(0.f), warp);
-        if (warp.all(T < 0.f)) return;
-        F r = red.load(warp), g = green.load(warp), b = blue.load(warp), d = depth.load(warp);
-        auto best = topk.load(warp);
-        int hits = 0;
-        warp.for_each_selected(
-            n,
-            [&](int j) {
-              const Splat& s = shared.splat[j];
-              return pixels.touches(s.first_row, s.last_row);
-            },
-            [&](int j) {
-              const Splat s = shared.splat[j];
-              const Footprint<F> at(s, pixels.column, pixels.row);
-              const BlendStep<F> step(at.alpha, T);
-              T = step.next_transmittance;
-              r += step.weight * s.red;
-              g += step.weight * s.green;
-              b += step.weight * s.blue;
-              d += step.weight * s.depth;
-              if constexpr (K > 0) {
-                best.insert(step.weight, first + j);
-                shared.max_weight.set(warp.index() * kBatch + j, warp.max(step.weight));
-              }
-              return ++hits % kStopTestPeriod != 0 || !warp.all(T < 0.f);
-            });
-        transmittance.store(warp, T);
-        red.store(warp, r);
-        green.store(warp, g);
-        blue.store(warp, b);
-        depth.store(warp, d);
-        topk.store(warp, best);
+        const F T = transmittance.load(warp);
+        is_live.store(warp, warp.any(T > 0.f));
+        // No weight exceeds T: once T is below the smallest of the K, nothing can change any more.
+        if constexpr (K > 0) records.store(warp, warp.any(T > topk.weight[K - 1].load(warp)));
       });
       block.sync();
+      block.for_each_item(
+          n, [&](int j) { return shared.batch.warps(j); },
+          [&](const auto& item) {
+            const Splat& s = shared.batch.splat(item.index());
+            const SplatColumn<F> column(s, pixel_columns(grid, block));
+            F largest(0.f);
+            item.warps([&](const auto& warp) {
+              if (!is_live.load(warp)) return;
+              const Footprint<F> at(s, column, pixel_rows(grid, block, warp));
+              const BlendStep<F> step(at, transmittance.load(warp));
+              transmittance.store(warp, step.next_transmittance);
+              red.store(warp, red.load(warp) + step.weight * s.red);
+              green.store(warp, green.load(warp) + step.weight * s.green);
+              blue.store(warp, blue.load(warp) + step.weight * s.blue);
+              depth.store(warp, depth.load(warp) + step.weight * s.depth);
+              if constexpr (K > 0) {
+                largest = max(largest, step.weight);
+                if (records.load(warp)) topk.insert(warp, step.weight, first + item.index());
+              }
+            });
+            if constexpr (K > 0) shared.largest.put_max(item, largest);
+          });
       if constexpr (K > 0) {
+        block.sync();
         block.threads([&](auto thread) {
           if (thread.index >= n) return;
-          float most = 0;
-          for (int w = 0; w < kWarps; ++w) most = max(most, shared.max_weight[w * kBatch + thread.index]);
-          top.slot_max_weight[instances.sorted_slot[first + thread.index]] = most;
+          const WarpRange warps = shared.batch.warps(thread.index);
+          top.slot_max_weight[instances.sorted_slot[first + thread.index]] =
+              warps.last < warps.first ? 0.f : shared.largest.max(thread.index, warps);
         });
-        block.sync();
       }
       if (block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; })) break;
     }
@@ -147,6 +137,11 @@ struct TileForward {
     LANGGS_INLINE void clear(const typename Block::Warp& warp) {
       Row row;
       row.clear();
+      store(warp, row);
+    }
+    LANGGS_INLINE void insert(const typename Block::Warp& warp, const VaryingOf<float, Block>& w, std::int32_t who) {
+      Row row = load(warp);
+      row.insert(w, who);
       store(warp, row);
     }
     LANGGS_INLINE Row load(const typename Block::Warp& warp) const {

@@ -29,6 +29,22 @@ struct TileGrid {
   [[nodiscard]] LANGGS_HD int count() const { return columns * rows; }
 };
 
+/// The pixel columns of a tile, one a lane: the same for all its warps.
+template <class Block>
+[[nodiscard]] LANGGS_INLINE VaryingOf<float, Block> pixel_columns(const TileGrid& grid, const Block& block) {
+  return to_float(block.lane_index() & (TileGrid::kSize - 1)) +
+         static_cast<float>(block.index() % grid.columns * TileGrid::kSize);
+}
+
+/// The pixel rows of a warp of a tile, one a lane.
+template <class Block>
+[[nodiscard]] LANGGS_INLINE VaryingOf<float, Block> pixel_rows(const TileGrid& grid, const Block& block,
+                                                               const typename Block::Warp& warp) {
+  const auto lane = block.lane_index();
+  return to_float(lane - (lane & (TileGrid::kSize - 1))) * (1.f / TileGrid::kSize) +
+         static_cast<float>(block.index() / grid.columns * TileGrid::kSize + warp.index() * TileGrid::kRowsPerWarp);
+}
+
 /// The pixels of one warp of one tile.
 template <class Block>
 struct WarpPixels {
@@ -38,7 +54,6 @@ struct WarpPixels {
   int num_columns, num_rows;    ///< of the warp that lie on the image
   std::ptrdiff_t offset;        ///< of its first pixel in an image plane
   std::ptrdiff_t pitch;
-  F column, row;  ///< pixel coordinates per lane
 
   LANGGS_INLINE WarpPixels(const TileGrid& grid, int tile, const typename Block::Warp& warp) {
     first_column = (tile % grid.columns) * TileGrid::kSize;
@@ -47,10 +62,6 @@ struct WarpPixels {
     num_rows = clamp_count(grid.height - first_row, TileGrid::kRowsPerWarp);
     pitch = grid.width;
     offset = first_row * pitch + first_column;
-    const auto lane = warp.lane_index();
-    const auto in_row = lane & (TileGrid::kSize - 1);
-    column = to_float(in_row) + static_cast<float>(first_column);
-    row = to_float((lane - in_row)) * (1.f / TileGrid::kSize) + static_cast<float>(first_row);
   }
   /// Reads a pixel of an image plane for each lane; `outside` off the image.
   template <class T>
@@ -63,18 +74,21 @@ struct WarpPixels {
     warp.template store_rect<TileGrid::kSize>(plane + offset, pitch, num_columns, num_rows, v);
   }
   /// 1 for pixels on the image, -1 (a stopped pixel) for the others.
-  [[nodiscard]] LANGGS_INLINE F initial_transmittance() const {
-    return select(
-        (column < static_cast<float>(first_column + num_columns)) & (row < static_cast<float>(first_row + num_rows)),
-        F(1.f), F(-1.f));
-  }
-  /// Whether the splat's box touches this warp's pixels.
-  [[nodiscard]] LANGGS_INLINE bool touches(int splat_first_row, int splat_last_row) const {
-    return splat_first_row < first_row + TileGrid::kRowsPerWarp && splat_last_row >= first_row;
+  [[nodiscard]] LANGGS_INLINE F initial_transmittance(const typename Block::Warp& warp) const {
+    const auto lane = warp.lane_index(), column = lane & (TileGrid::kSize - 1);
+    return select((column < num_columns) & (lane - column < num_rows * TileGrid::kSize), F(1.f), F(-1.f));
   }
 
  private:
   static LANGGS_INLINE int clamp_count(int n, int most) { return n < 0 ? 0 : (n > most ? most : n); }
+};
+
+/// A splat in one tile, with the tile's warps that it reaches.
+struct Instance {
+  std::int32_t splat;
+  std::int16_t first_warp, last_warp;  ///< inclusive; none where last < first
+
+  [[nodiscard]] LANGGS_INLINE WarpRange warps() const { return {first_warp, last_warp}; }
 };
 
 /// The (tile, splat) instances of a view. Sorted by tile, then by depth; ties by Gaussian index.
@@ -82,9 +96,33 @@ struct WarpPixels {
 struct InstanceView {
   const std::int32_t* tile_begin = nullptr;      ///< [num_tiles + 1] into sorted_slot
   const std::int32_t* sorted_slot = nullptr;     ///< [num_instances]
-  const std::int32_t* slot_splat = nullptr;      ///< [num_instances] splat of each slot
+  const Instance* slot = nullptr;                ///< [num_instances]
   const Splat* splats = nullptr;                 ///< [num_splats], ascending by Gaussian index
   const std::int32_t* splat_gaussian = nullptr;  ///< [num_splats] Gaussian of each splat in the map
+
+  [[nodiscard]] LANGGS_INLINE const Instance& sorted(int i) const { return slot[sorted_slot[i]]; }
+};
+
+/// The next instances of a tile in shared memory, front to back.
+template <class Block, int kBatch>
+class TileBatch {
+ public:
+  /// Loads instances first .. first + n of the sorted list; `sync` before the first use.
+  LANGGS_INLINE void load(Block& block, const InstanceView& instances, int first, int n) {
+    block.sync();  // the batch before has been read
+    block.threads([&](auto thread) {
+      if (thread.index >= n) return;
+      const Instance& instance = instances.sorted(first + thread.index);
+      splat_.set(thread.index, instances.splats[instance.splat]);
+      warps_.set(thread.index, instance.warps());
+    });
+  }
+  [[nodiscard]] LANGGS_INLINE decltype(auto) splat(int j) const { return splat_[j]; }
+  [[nodiscard]] LANGGS_INLINE WarpRange warps(int j) const { return warps_[j]; }
+
+ private:
+  typename Block::template SharedArray<Splat, kBatch> splat_;
+  typename Block::template SharedArray<WarpRange, kBatch> warps_;
 };
 
 }  // namespace langgs

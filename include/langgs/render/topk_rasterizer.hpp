@@ -48,7 +48,6 @@ class TopKRasterizer {
   void backward(const Executor<Backend>& executor, const PlanesView& map, const View& view,
                 const RenderGradient& upstream, MapGradient<Backend>& gradient) {
     slot_sums_.resize_discard(static_cast<std::size_t>(splats_.num_instances()) * kNumSplatSums);
-    slot_sums_.fill(0.f);
     launch(executor, splats_.grid().count(),
            TileBackward{splats_.grid(), splats_.instances(), rendered(), upstream, slot_sums_.data()});
     gradient.from_slot_sums(executor, map, view, splats_, slot_sums_.data());
