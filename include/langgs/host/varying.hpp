@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#if defined(__SSE__)
+#include <immintrin.h>
+#endif
+
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
@@ -13,11 +17,15 @@
 /// GCC and Clang vector extensions make one source for SSE2, AVX2, AVX-512 and NEON. The reductions run the same tree
 /// (halves, quarters, ... = xor 16, 8, 4, 2, 1) for every native width, so results do not depend on the instruction
 /// set's width. Clang fuses multiply and add across inlined operators only when told to; GCC does it by default.
+///
+/// Loops over the parts are unrolled by request: GCC keeps an array in registers only if no loop is left to index it.
 
 #if defined(__clang__)
 #define LANGGS_FP_CONTRACT _Pragma("clang fp contract(fast)")
+#define LANGGS_FOR_PARTS for (int i = 0; i < kNumParts; ++i)
 #else
 #define LANGGS_FP_CONTRACT
+#define LANGGS_FOR_PARTS _Pragma("GCC unroll 8") for (int i = 0; i < kNumParts; ++i)
 #endif
 
 namespace langgs::host {
@@ -32,37 +40,41 @@ inline constexpr int kNativeBytes = 32;
 inline constexpr int kNativeBytes = 16;
 #endif
 
+inline constexpr int kNumParts = kLanes * 4 / kNativeBytes;
+
 /// 32 values of a 4-byte arithmetic type, one per lane. Masks are Varying<int32_t> with lanes 0 or -1.
 template <class T>
 struct alignas(64) Varying {
   static_assert(sizeof(T) == 4 && std::is_arithmetic_v<T>, "Varying holds float, int32_t or uint32_t lanes");
   static constexpr int kNativeLanes = kNativeBytes / 4;
-  static constexpr int kParts = kLanes / kNativeLanes;
+  static constexpr int kParts = kNumParts;
   typedef T Native __attribute__((vector_size(kNativeBytes)));  // the attribute needs a typedef for a dependent T
+  typedef T Unaligned __attribute__((vector_size(kNativeBytes), aligned(4), may_alias));
 
   Native part[kParts];
 
   Varying() = default;
   /// The same value in every lane.
-  LANGGS_INLINE Varying(T uniform) {
-    for (int i = 0; i < kParts; ++i) part[i] = uniform - Native{};
-  }
+  LANGGS_INLINE Varying(T uniform) { LANGGS_FOR_PARTS part[i] = uniform - Native{}; }
   /// 32 consecutive values; no alignment is needed.
   LANGGS_INLINE static Varying load(const T* values) {
+    // Part by part: GCC copies a whole array with shorter moves, through the stack.
     Varying result;
-    std::memcpy(result.part, values, sizeof(result.part));
+    LANGGS_FOR_PARTS result.part[i] = *reinterpret_cast<const Unaligned*>(values + i * kNativeLanes);
     return result;
   }
-  LANGGS_INLINE void store(T* values) const { std::memcpy(values, part, sizeof(part)); }
+  LANGGS_INLINE void store(T* values) const {
+    LANGGS_FOR_PARTS* reinterpret_cast<Unaligned*>(values + i * kNativeLanes) = part[i];
+  }
   [[nodiscard]] LANGGS_INLINE T lane(int i) const { return part[i / kNativeLanes][i % kNativeLanes]; }
 };
 
 using Mask = Varying<std::int32_t>;
 
-#define LANGGS_LANEWISE(Result, expression)                            \
-  LANGGS_FP_CONTRACT                                                   \
-  Result r;                                                            \
-  for (int i = 0; i < Varying<T>::kParts; ++i) r.part[i] = expression; \
+#define LANGGS_LANEWISE(Result, expression) \
+  LANGGS_FP_CONTRACT                        \
+  Result r;                                 \
+  LANGGS_FOR_PARTS r.part[i] = expression;  \
   return r;
 
 #define LANGGS_ARITHMETIC(op)                                                            \
@@ -107,7 +119,7 @@ template <class T>
 LANGGS_INLINE Varying<T> operator-(const Varying<T>& a){LANGGS_LANEWISE(Varying<T>, -a.part[i])} LANGGS_INLINE Mask
 operator!(const Mask& a) {
   Mask r;
-  for (int i = 0; i < Mask::kParts; ++i) r.part[i] = ~a.part[i];
+  LANGGS_FOR_PARTS r.part[i] = ~a.part[i];
   return r;
 }
 template <class T>
@@ -156,14 +168,13 @@ LANGGS_INLINE Varying<T> abs(const Varying<T>& a) {
 template <class To, class From>
 LANGGS_INLINE Varying<To> convert(const Varying<From>& a) {
   Varying<To> r;
-  for (int i = 0; i < Varying<To>::kParts; ++i)
-    r.part[i] = __builtin_convertvector(a.part[i], typename Varying<To>::Native);
+  LANGGS_FOR_PARTS r.part[i] = __builtin_convertvector(a.part[i], typename Varying<To>::Native);
   return r;
 }
 template <class To, class From>
 LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
   Varying<To> r;
-  std::memcpy(r.part, a.part, sizeof(r.part));
+  LANGGS_FOR_PARTS std::memcpy(&r.part[i], &a.part[i], sizeof(r.part[i]));
   return r;
 }
 
@@ -172,7 +183,7 @@ LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   constexpr float kMagic = 12582912.f;  // 1.5 * 2^23: adding it rounds to the nearest integer
   Varying<float> r;
-  for (int i = 0; i < Varying<float>::kParts; ++i) {
+  LANGGS_FOR_PARTS {
     using V = Varying<float>::Native;
     using Bits = Varying<std::int32_t>::Native;
     const V bounded = x.part[i] > -87.f ? x.part[i] : -87.f - V{};
@@ -200,7 +211,7 @@ LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
 LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   Varying<float> r;
-  for (int i = 0; i < Varying<float>::kParts; ++i) {
+  LANGGS_FOR_PARTS {
     using V = Varying<float>::Native;
     using Bits = Varying<std::int32_t>::Native;
     Bits bits;
@@ -227,7 +238,7 @@ LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
 LANGGS_INLINE Varying<float> exp256(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   Varying<float> r;
-  for (int i = 0; i < Varying<float>::kParts; ++i) {
+  LANGGS_FOR_PARTS {
     auto p = 9.387883474e-4f * x.part[i] + 9.188611992e-3f;
     p = p * x.part[i] + 5.527972430e-2f;
     p = p * x.part[i] + 2.401721925e-1f;
@@ -240,10 +251,20 @@ LANGGS_INLINE Varying<float> exp256(const Varying<float>& x) {
   return r;
 }
 
+/// Neither GCC nor Clang vectorises sqrtf while it may set errno, so x86 needs the instructions by name.
 LANGGS_INLINE Varying<float> sqrt(const Varying<float>& x) {
   Varying<float> r;
-  for (int i = 0; i < Varying<float>::kParts; ++i)
+  LANGGS_FOR_PARTS {
+#if defined(__AVX512F__)
+    r.part[i] = _mm512_maskz_sqrt_ps(0xFFFF, x.part[i]);  // GCC 12 warns of its own header's plain form
+#elif defined(__AVX__)
+    r.part[i] = _mm256_sqrt_ps(x.part[i]);
+#elif defined(__SSE__)
+    r.part[i] = _mm_sqrt_ps(x.part[i]);
+#else
     for (int l = 0; l < Varying<float>::kNativeLanes; ++l) r.part[i][l] = __builtin_sqrtf(x.part[i][l]);
+#endif
+  }
   return r;
 }
 
@@ -251,8 +272,7 @@ LANGGS_INLINE Varying<float> sqrt(const Varying<float>& x) {
 template <class T>
 LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
   Varying<T> r;
-  for (int i = 0; i < Varying<T>::kParts; ++i)
-    for (int l = 0; l < Varying<T>::kNativeLanes; ++l) r.part[i][l] = base[index.part[i][l]];
+  LANGGS_FOR_PARTS for (int l = 0; l < Varying<T>::kNativeLanes; ++l) r.part[i][l] = base[index.part[i][l]];
   return r;
 }
 
@@ -278,9 +298,11 @@ template <class T, class Op>
 LANGGS_INLINE T reduce(const Varying<T>& a, Op op) {
   constexpr int kParts = Varying<T>::kParts;
   typename Varying<T>::Native p[kParts];
-  for (int i = 0; i < kParts; ++i) p[i] = a.part[i];
-  for (int half = kParts / 2; half >= 1; half /= 2)
-    for (int i = 0; i < half; ++i) p[i] = op(p[i], p[i + half]);
+  LANGGS_FOR_PARTS p[i] = a.part[i];
+  if constexpr (kParts > 4)
+    for (int i = 0; i < 4; ++i) p[i] = op(p[i], p[i + 4]);
+  if constexpr (kParts > 2) p[0] = op(p[0], p[2]), p[1] = op(p[1], p[3]);
+  p[0] = op(p[0], p[1]);
   typedef T V4 __attribute__((vector_size(16)));
   V4 quarter;
   if constexpr (kNativeBytes == 64) {
@@ -373,5 +395,6 @@ LANGGS_INLINE void reduce_sums(const Varying<float> (&values)[N], float (&sums)[
 }
 
 #undef LANGGS_LANEWISE
+#undef LANGGS_FOR_PARTS
 
 }  // namespace langgs::host
