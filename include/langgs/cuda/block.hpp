@@ -80,7 +80,14 @@ class Warp {
   [[nodiscard]] __device__ __forceinline__ T load(const T* base) const {
     return base[lane_];
   }
-  /// The same from half precision; lanes from `count` on are 0 and are not read.
+  /// base[0 .. 31] = v.
+  template <class T>
+  __device__ __forceinline__ void store(T* base, const T& v) const {
+    base[lane_] = v;
+  }
+  /// A GPU hides latency with other warps.
+  __device__ __forceinline__ void prefetch(const float*) const {}
+  /// base[0 .. 31] from half precision; lanes from `count` on are 0 and are not read.
   [[nodiscard]] __device__ __forceinline__ float load_half(const Half* base, int count) const {
     return lane_ < count ? static_cast<float>(base[lane_]) : 0.f;
   }

@@ -42,7 +42,18 @@ class Warp {
   [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
     return Varying<T>::load(base);
   }
-  /// The same from half precision; lanes from `count` on are 0 and are not read.
+  /// base[0 .. 31] = v.
+  template <class T>
+  LANGGS_INLINE void store(T* base, const Varying<T>& v) const {
+    v.store(base);
+  }
+  /// Says that base[0 .. 31] will soon be loaded, if there is such memory.
+  LANGGS_INLINE void prefetch(const float* base) const {
+    __builtin_prefetch(base);
+    __builtin_prefetch(base + 16);
+    __builtin_prefetch(base + 31);
+  }
+  /// base[0 .. 31] from half precision; lanes from `count` on are 0 and are not read.
   [[nodiscard]] LANGGS_INLINE Varying<float> load_half(const Half* base, int count) const {
     alignas(64) float lanes[kLanes] = {};
     if (count >= kLanes) {
