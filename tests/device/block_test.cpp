@@ -137,21 +137,75 @@ TEST_CASE("permutations visit every index once") {
       }
 }
 
-TEST_CASE("warp: selected indices come in ascending order, across batches, until the body stops") {
-  const host::Warp<32, false> warp(0);
-  for (const int n : {0, 1, 255, 256, 257, 700}) {
-    std::vector<int> seen, expected;
-    const auto wanted = [](int j) { return j % 3 == 1; };
-    for (int j = 0; j < n; ++j)
-      if (wanted(j)) expected.push_back(j);
-    warp.for_each_selected(n, wanted, [&](int j) {
-      seen.push_back(j);
-      return true;
+namespace {
+
+/// Each block offers its items, of which some concern no warp, to warps, and totals what the lanes add.
+struct TotalItems {
+  static constexpr int kThreads = 128, kItems = 40;
+  template <class Block>
+  struct Shared {
+    typename Block::template SharedArray<WarpRange, kItems> warps;
+    typename Block::template ItemTotals<2, kItems> sums;
+    typename Block::template ItemTotals<1, kItems> largest;
+  };
+  float* out;  ///< [blocks, kItems, 3]
+  bool forgets_sync = false;
+
+  template <class Block>
+  void operator()(Block& block, Shared<Block>& shared) const {
+    using F = VaryingOf<float, Block>;
+    block.threads(kItems, [&](auto t) { shared.warps.set(t.index, {t.index % 5, 4 - t.index % 3 - 1}); });
+    if (!forgets_sync) block.sync();
+    block.for_each_item(
+        kItems, [&](int j) { return shared.warps[j]; },
+        [&](const auto& item) {
+          F sums[2] = {F(0.f), F(0.f)}, largest(-1.f);
+          item.warps([&](const auto& warp) {
+            const F v = to_float(warp.lane_index()) + static_cast<float>(100 * warp.index() + item.index());
+            sums[0] += v;
+            sums[1] += F(1.f);
+            largest = max(largest, v);
+          });
+          shared.sums.put_sums(item, sums);
+          shared.largest.put_max(item, largest);
+        });
+    block.sync();
+    block.threads(kItems, [&](auto t) {
+      float* const row = out + (block.index() * kItems + t.index) * 3;
+      const WarpRange warps = shared.warps[t.index];
+      if (warps.last < warps.first) return;
+      row[0] = shared.sums.sum(t.index, 0, warps);
+      row[1] = shared.sums.sum(t.index, 1, warps);
+      row[2] = shared.largest.max(t.index, warps);
     });
-    CHECK(seen == expected);
-    int calls = 0;
-    warp.for_each_selected(n, wanted, [&](int) { return ++calls < 2; });
-    CHECK(calls == std::min(2, static_cast<int>(expected.size())));
+  }
+};
+
+template <class Backend>
+std::vector<float> item_totals(const Executor<Backend>& executor, bool forgets_sync = false) {
+  std::vector<float> out(3 * TotalItems::kItems * 3, -7.f);
+  launch(executor, 3, TotalItems{out.data(), forgets_sync});
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("items: each meets the warps of its range, and totals cover them all") {
+  const std::vector<float> got = item_totals(Executor<Host>(1));
+  for (int i = 0; i < 3 * TotalItems::kItems; ++i) {
+    const int j = i % TotalItems::kItems, first = j % 5, last = 3 - j % 3;
+    CAPTURE(j);
+    float sum = 0;
+    for (int w = first; w <= last; ++w)
+      for (int lane = 0; lane < 32; ++lane) sum += static_cast<float>(lane + 100 * w + j);
+    const bool any = last >= first;
+    CHECK(got[3 * i] == (any ? sum : -7.f));
+    CHECK(got[3 * i + 1] == (any ? 32.f * static_cast<float>(last - first + 1) : -7.f));
+    CHECK(got[3 * i + 2] == (any ? static_cast<float>(31 + 100 * last + j) : -7.f));
+  }
+  for (const ExecutionOrder order : kOrders) {
+    CHECK(same_bits(item_totals(checked(2, order, 4)), got));
+    CHECK_THROWS_WITH_AS(item_totals(checked(1, order), true), doctest::Contains("missing sync"), Error);
   }
 }
 

@@ -222,6 +222,13 @@ class Block {
   __device__ __forceinline__ void threads(F&& body) {
     body(Thread{static_cast<int>(threadIdx.x)});
   }
+  /// The first n threads only, n <= kThreads.
+  template <class F>
+  __device__ __forceinline__ void threads(int n, F&& body) {
+    if (static_cast<int>(threadIdx.x) < n) body(Thread{static_cast<int>(threadIdx.x)});
+  }
+  /// A GPU hides latency with other warps.
+  __device__ __forceinline__ void prefetch(const void*) const {}
   template <class F>
   __device__ __forceinline__ void warps(F&& body) {
     const Warp warp(static_cast<int>(threadIdx.x));

@@ -144,15 +144,21 @@ class Block {
 
   template <class F>
   LANGGS_INLINE void threads(F&& body) {
-    phase(kThreads, 0, [&](int t) { body(Thread{t}); });
+    threads(kThreads, body);
   }
+  /// The first n threads only, n <= kThreads.
+  template <class F>
+  LANGGS_INLINE void threads(int n, F&& body) {
+    phase(n, 0, [&](int t) LANGGS_INLINE_LAMBDA { body(Thread{t}); });
+  }
+  /// Says that the cache line at `address` will soon be loaded.
+  LANGGS_INLINE void prefetch(const void* address) const { __builtin_prefetch(address); }
   template <class F>
   LANGGS_INLINE void warps(F&& body) {
-    phase(
-        kWarps, kThreads, [&](int w) __attribute__((always_inline)) {
-          const Warp warp(w);
-          body(warp);
-        });
+    phase(kWarps, kThreads, [&](int w) LANGGS_INLINE_LAMBDA {
+      const Warp warp(w);
+      body(warp);
+    });
   }
   /// Calls `body(item)` for the items 0 .. n-1, in ascending order, with the warps [first, last] that each concerns;
   /// items without any are left out. A phase.
@@ -190,8 +196,11 @@ class Block {
   /// Adds 1 to counters[index] for each lane where `wanted`. Only this block may touch these counters meanwhile;
   /// integers commute, so the result does not depend on the order.
   LANGGS_INLINE void count(std::int32_t* counters, const Varying<std::int32_t>& index, const Mask& wanted) const {
+    alignas(64) std::int32_t where[kLanes], which[kLanes];
+    index.store(where);
+    wanted.store(which);
     for (int i = 0; i < kLanes; ++i)
-      if (wanted.lane(i) != 0) ++counters[index.lane(i)];
+      if (which[i] != 0) ++counters[where[i]];
   }
 
  private:

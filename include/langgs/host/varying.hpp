@@ -5,6 +5,7 @@
 #include <immintrin.h>
 #endif
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
@@ -65,6 +66,21 @@ struct alignas(64) Varying {
   }
   LANGGS_INLINE void store(T* values) const {
     LANGGS_FOR_PARTS* reinterpret_cast<Unaligned*>(values + i * kNativeLanes) = part[i];
+  }
+  /// 32 / kColumns rows of kColumns consecutive values, `pitch` apart.
+  template <int kColumns>
+  LANGGS_INLINE static Varying load_rows(const T* values, std::ptrdiff_t pitch) {
+    static_assert(kColumns % kNativeLanes == 0);
+    Varying result;
+    LANGGS_FOR_PARTS result.part[i] =
+        *reinterpret_cast<const Unaligned*>(values + i * kNativeLanes / kColumns * pitch + i * kNativeLanes % kColumns);
+    return result;
+  }
+  template <int kColumns>
+  LANGGS_INLINE void store_rows(T* values, std::ptrdiff_t pitch) const {
+    static_assert(kColumns % kNativeLanes == 0);
+    LANGGS_FOR_PARTS* reinterpret_cast<Unaligned*>(values + i * kNativeLanes / kColumns * pitch +
+                                                   i * kNativeLanes % kColumns) = part[i];
   }
   [[nodiscard]] LANGGS_INLINE T lane(int i) const { return part[i / kNativeLanes][i % kNativeLanes]; }
 };
@@ -144,13 +160,39 @@ template <class T>
 LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, std::type_identity_t<T> b) {
   return select(mask, a, Varying<T>(b));
 }
+namespace detail {
+
+// The x86 instructions compute exactly this; GCC makes a comparison and a blend of it when left alone.
+template <class V>
+LANGGS_INLINE V smaller(const V& a, const V& b) {
+  return a < b ? a : b;
+}
+template <class V>
+LANGGS_INLINE V larger(const V& a, const V& b) {
+  return a > b ? a : b;
+}
+#if defined(__AVX512F__)
+LANGGS_INLINE __m512 smaller(const __m512& a, const __m512& b) { return _mm512_maskz_min_ps(0xFFFF, a, b); }
+LANGGS_INLINE __m512 larger(const __m512& a, const __m512& b) { return _mm512_maskz_max_ps(0xFFFF, a, b); }
+#elif defined(__AVX__)
+LANGGS_INLINE __m256 smaller(const __m256& a, const __m256& b) { return _mm256_min_ps(a, b); }
+LANGGS_INLINE __m256 larger(const __m256& a, const __m256& b) { return _mm256_max_ps(a, b); }
+#elif defined(__SSE__)
+LANGGS_INLINE __m128 smaller(const __m128& a, const __m128& b) { return _mm_min_ps(a, b); }
+LANGGS_INLINE __m128 larger(const __m128& a, const __m128& b) { return _mm_max_ps(a, b); }
+#endif
+
+}  // namespace detail
+
+/// a < b ? a : b, so b where either is NaN.
 template <class T>
 LANGGS_INLINE Varying<T> min(const Varying<T>& a, const Varying<T>& b) {
-  LANGGS_LANEWISE(Varying<T>, a.part[i] < b.part[i] ? a.part[i] : b.part[i])
+  LANGGS_LANEWISE(Varying<T>, detail::smaller(a.part[i], b.part[i]))
 }
+/// a > b ? a : b, so b where either is NaN.
 template <class T>
 LANGGS_INLINE Varying<T> max(const Varying<T>& a, const Varying<T>& b) {
-  LANGGS_LANEWISE(Varying<T>, a.part[i] > b.part[i] ? a.part[i] : b.part[i])
+  LANGGS_LANEWISE(Varying<T>, detail::larger(a.part[i], b.part[i]))
 }
 template <class T>
 LANGGS_INLINE Varying<T> min(const Varying<T>& a, std::type_identity_t<T> b) {
@@ -160,21 +202,22 @@ template <class T>
 LANGGS_INLINE Varying<T> max(const Varying<T>& a, std::type_identity_t<T> b) {
   return max(a, Varying<T>(b));
 }
-template <class T>
-LANGGS_INLINE Varying<T> abs(const Varying<T>& a) {
-  return max(a, -a);
+
+template <class To, class From>
+LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
+  Varying<To> r;
+  LANGGS_FOR_PARTS std::memcpy(&r.part[i], &a.part[i], sizeof(r.part[i]));
+  return r;
+}
+LANGGS_INLINE Varying<std::int32_t> abs(const Varying<std::int32_t>& a) { return max(a, -a); }
+LANGGS_INLINE Varying<float> abs(const Varying<float>& a) {
+  return bit_cast<float>(bit_cast<std::int32_t>(a) & 0x7FFFFFFF);
 }
 
 template <class To, class From>
 LANGGS_INLINE Varying<To> convert(const Varying<From>& a) {
   Varying<To> r;
   LANGGS_FOR_PARTS r.part[i] = __builtin_convertvector(a.part[i], typename Varying<To>::Native);
-  return r;
-}
-template <class To, class From>
-LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
-  Varying<To> r;
-  LANGGS_FOR_PARTS std::memcpy(&r.part[i], &a.part[i], sizeof(r.part[i]));
   return r;
 }
 

@@ -73,16 +73,24 @@ class Warp {
   template <class T>
   LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted,
                              const Varying<T>& v) const {
+    alignas(64) std::int32_t where[kLanes], which[kLanes];
+    alignas(64) T lanes[kLanes];
+    index.store(where);
+    wanted.store(which);
+    v.store(lanes);
     for (int i = 0; i < kLanes; ++i)
-      if (wanted.lane(i) != 0) base[index.lane(i)] = v.lane(i);
+      if (which[i] != 0) base[where[i]] = lanes[i];
   }
   /// base[index] in the lanes where `wanted`, `otherwise` in the others.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
                                                 T otherwise) const {
     // The other lanes must not read at all: another block may be writing there.
+    alignas(64) std::int32_t where[kLanes], which[kLanes];
     alignas(64) T lanes[kLanes];
-    for (int i = 0; i < kLanes; ++i) lanes[i] = wanted.lane(i) != 0 ? base[index.lane(i)] : otherwise;
+    index.store(where);
+    wanted.store(which);
+    for (int i = 0; i < kLanes; ++i) lanes[i] = which[i] != 0 ? base[where[i]] : otherwise;
     return Varying<T>::load(lanes);
   }
 
@@ -90,6 +98,7 @@ class Warp {
   template <int kColumns, class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> load_rect(const T* base, std::ptrdiff_t pitch, int columns, int rows,
                                                    T outside) const {
+    if (columns >= kColumns && rows >= kLanes / kColumns) return Varying<T>::template load_rows<kColumns>(base, pitch);
     alignas(64) T lanes[kLanes];
     for (int i = 0; i < kLanes; ++i) lanes[i] = outside;
     for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)
@@ -98,6 +107,7 @@ class Warp {
   }
   template <int kColumns, class T>
   LANGGS_INLINE void store_rect(T* base, std::ptrdiff_t pitch, int columns, int rows, const Varying<T>& v) const {
+    if (columns >= kColumns && rows >= kLanes / kColumns) return v.template store_rows<kColumns>(base, pitch);
     alignas(64) T lanes[kLanes];
     v.store(lanes);
     for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)

@@ -95,7 +95,7 @@ struct RecordHits {
     const F columns = pixel_columns(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
-      const F rows = pixel_rows(grid, block, warp);
+      const F row = PixelRows<Block>(grid, block).of(warp);
       F T = pixels.initial_transmittance(warp);
       Int hits(0), place(0);
       if (begin != nullptr) place = pixels.load(warp, begin, 0);
@@ -103,7 +103,7 @@ struct RecordHits {
         const Instance& instance = instances.sorted(j);
         if (warp.index() < instance.first_warp || warp.index() > instance.last_warp) continue;
         const Splat& s = instances.splats[instance.splat];
-        const BlendStep<F> step(Footprint<F>(s, SplatColumn<F>(s, columns), rows), T);
+        const BlendStep<F> step(Footprint<F>(s, SplatColumn<F>(s, columns), row), T);
         T = step.next_transmittance;
         const auto hit = step.weight > 0.f;
         if (begin != nullptr) {

@@ -254,8 +254,8 @@ class SplatList {
     instance_.resize_discard(num_instances_);
     sorted_slot_.resize_discard(num_instances_);
     for_each_n(executor, num_splats_,
-               EmitInstances{grid_, emit_begin_.data(), slot_begin_.data(), splats_.data(), tile_.data(),
-                             slot_.data(), instance_.data()});
+               EmitInstances{grid_, emit_begin_.data(), slot_begin_.data(), splats_.data(), tile_.data(), slot_.data(),
+                             instance_.data()});
     group_by_key(executor, tile_.data(), slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
                  scratch_);
   }

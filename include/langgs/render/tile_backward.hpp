@@ -55,6 +55,8 @@ struct TileBackward {
     // `behind` is the part of dL/dC . C + dL/dD D that is not blended yet.
     typename Block::template PerThread<float> transmittance, behind, up_red, up_green, up_blue, up_depth;
     typename Block::template PerWarp<bool> is_live;
+    const F columns = pixel_columns(grid, block);
+    const PixelRows<Block> rows(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
       const std::ptrdiff_t plane = static_cast<std::ptrdiff_t>(grid.width) * grid.height;
@@ -72,22 +74,21 @@ struct TileBackward {
       transmittance.store(warp, pixels.initial_transmittance(warp));
     });
 
-    bool all_stopped = false;
-    for (int first = begin; first < end; first += kBatch) {
-      const int n = end - first < kBatch ? end - first : kBatch;
-      shared.batch.load(block, instances, first, all_stopped ? 0 : n);
+    int first = begin;
+    for (bool goes_on = true; goes_on && first < end; first += kBatch) {
+      const int n = shared.batch.load(block, instances, first, end);
       block.warps([&](const auto& warp) { is_live.store(warp, warp.any(transmittance.load(warp) > 0.f)); });
       block.sync();
       block.for_each_item(
-          all_stopped ? 0 : n, [&](int j) { return shared.batch.warps(j); },
-          [&](const auto& item) {
+          n, [&](int j) { return shared.batch.warps(j); },
+          [&](const auto& item) LANGGS_INLINE_LAMBDA {
             const Splat& s = shared.batch.splat(item.index());
-            const SplatColumn<F> column(s, pixel_columns(grid, block));
+            const SplatColumn<F> column(s, columns);
             F p_sum(0.f), py_sum(0.f), pyy_sum(0.f), red(0.f), green(0.f), blue(0.f), depth(0.f);
-            item.warps([&](const auto& warp) {
+            item.warps([&](const auto& warp) LANGGS_INLINE_LAMBDA {
               if (!is_live.load(warp)) return;
               const F T = transmittance.load(warp);
-              const Footprint<F> at(s, column, pixel_rows(grid, block, warp));
+              const Footprint<F> at(s, column, rows.of(warp));
               const BlendStep<F> step(at, T);
               transmittance.store(warp, step.next_transmittance);
               const F r = up_red.load(warp), g = up_green.load(warp), b = up_blue.load(warp), d = up_depth.load(warp);
@@ -112,16 +113,25 @@ struct TileBackward {
             shared.sums.put_sums(item, sums);
           });
       block.sync();
-      block.threads([&](auto thread) {
-        if (thread.index >= n) return;
-        const WarpRange warps = all_stopped ? WarpRange{1, 0} : shared.batch.warps(thread.index);
-        float* out =
-            slot_sums + static_cast<std::ptrdiff_t>(instances.sorted_slot[first + thread.index]) * kNumSplatSums;
+      block.threads(n, [&](auto thread) {
+        const WarpRange warps = shared.batch.warps(thread.index);
+        float* const out = sums_of(first + thread.index);
         for (int sum = 0; sum < kNumSplatSums; ++sum)
           out[sum] = warps.last < warps.first ? 0.f : shared.sums.sum(thread.index, sum, warps);
       });
-      all_stopped = all_stopped || block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; });
+      goes_on = !block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; });
     }
+    // What lies behind the last splat that any pixel saw.
+    for (; first < end; first += kThreads)
+      block.threads(min(kThreads, end - first), [&](auto thread) {
+        float* const out = sums_of(first + thread.index);
+        for (int sum = 0; sum < kNumSplatSums; ++sum) out[sum] = 0.f;
+      });
+  }
+
+ private:
+  [[nodiscard]] LANGGS_INLINE float* sums_of(int instance) const {
+    return slot_sums + static_cast<std::ptrdiff_t>(instances.sorted_slot[instance]) * kNumSplatSums;
   }
 };
 

@@ -49,6 +49,8 @@ struct TileForward {
     TopKState<Block> topk;
     typename Block::template PerWarp<bool> is_live, records;
 
+    const F columns = pixel_columns(grid, block);
+    const PixelRows<Block> rows(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
       transmittance.store(warp, pixels.initial_transmittance(warp));
@@ -57,13 +59,11 @@ struct TileForward {
     });
 
     for (int first = begin; first < end; first += kBatch) {
-      const int n = end - first < kBatch ? end - first : kBatch;
-      shared.batch.load(block, instances, first, n);
+      const int n = shared.batch.load(block, instances, first, end);
       if constexpr (K > 0)
-        block.threads([&](auto thread) {
-          if (thread.index < n)
-            top.instance_gaussian[first + thread.index] =
-                instances.splat_gaussian[instances.sorted(first + thread.index).splat];
+        block.threads(n, [&](auto thread) {
+          top.instance_gaussian[first + thread.index] =
+              instances.splat_gaussian[instances.sorted(first + thread.index).splat];
         });
       block.warps([&](const auto& warp) {
         const F T = transmittance.load(warp);
@@ -74,13 +74,13 @@ struct TileForward {
       block.sync();
       block.for_each_item(
           n, [&](int j) { return shared.batch.warps(j); },
-          [&](const auto& item) {
+          [&](const auto& item) LANGGS_INLINE_LAMBDA {
             const Splat& s = shared.batch.splat(item.index());
-            const SplatColumn<F> column(s, pixel_columns(grid, block));
+            const SplatColumn<F> column(s, columns);
             F largest(0.f);
-            item.warps([&](const auto& warp) {
+            item.warps([&](const auto& warp) LANGGS_INLINE_LAMBDA {
               if (!is_live.load(warp)) return;
-              const Footprint<F> at(s, column, pixel_rows(grid, block, warp));
+              const Footprint<F> at(s, column, rows.of(warp));
               const BlendStep<F> step(at, transmittance.load(warp));
               transmittance.store(warp, step.next_transmittance);
               red.store(warp, red.load(warp) + step.weight * s.red);
@@ -89,15 +89,15 @@ struct TileForward {
               depth.store(warp, depth.load(warp) + step.weight * s.depth);
               if constexpr (K > 0) {
                 largest = max(largest, step.weight);
-                if (records.load(warp)) topk.insert(warp, step.weight, first + item.index());
+                if (records.load(warp) && warp.any(step.weight > topk.weight[K - 1].load(warp)))
+                  topk.insert(warp, step.weight, first + item.index());
               }
             });
             if constexpr (K > 0) shared.largest.put_max(item, largest);
           });
       if constexpr (K > 0) {
         block.sync();
-        block.threads([&](auto thread) {
-          if (thread.index >= n) return;
+        block.threads(n, [&](auto thread) {
           const WarpRange warps = shared.batch.warps(thread.index);
           top.slot_max_weight[instances.sorted_slot[first + thread.index]] =
               warps.last < warps.first ? 0.f : shared.largest.max(thread.index, warps);
@@ -119,9 +119,9 @@ struct TileForward {
     if constexpr (K > 0) {
       block.sync();
       for (int first = begin; first < end; first += kThreads)
-        block.threads([&](auto thread) {
+        block.threads(min(kThreads, end - first), [&](auto thread) {
           const int i = first + thread.index;
-          if (i < end) top.slot_count[instances.sorted_slot[i]] = top.instance_count[i];
+          top.slot_count[instances.sorted_slot[i]] = top.instance_count[i];
         });
     }
   }

@@ -36,14 +36,23 @@ template <class Block>
          static_cast<float>(block.index() % grid.columns * TileGrid::kSize);
 }
 
-/// The pixel rows of a warp of a tile, one a lane.
+/// The pixel rows of the warps of a tile, one a lane.
 template <class Block>
-[[nodiscard]] LANGGS_INLINE VaryingOf<float, Block> pixel_rows(const TileGrid& grid, const Block& block,
-                                                               const typename Block::Warp& warp) {
-  const auto lane = block.lane_index();
-  return to_float(lane - (lane & (TileGrid::kSize - 1))) * (1.f / TileGrid::kSize) +
-         static_cast<float>(block.index() / grid.columns * TileGrid::kSize + warp.index() * TileGrid::kRowsPerWarp);
-}
+class PixelRows {
+ public:
+  LANGGS_INLINE PixelRows(const TileGrid& grid, const Block& block)
+      : first_(static_cast<float>(block.index() / grid.columns * TileGrid::kSize)) {
+    const auto lane = block.lane_index();
+    in_warp_ = to_float(lane - (lane & (TileGrid::kSize - 1))) * (1.f / TileGrid::kSize);
+  }
+  [[nodiscard]] LANGGS_INLINE VaryingOf<float, Block> of(const typename Block::Warp& warp) const {
+    return in_warp_ + (first_ + static_cast<float>(warp.index() * TileGrid::kRowsPerWarp));
+  }
+
+ private:
+  float first_;
+  VaryingOf<float, Block> in_warp_;
+};
 
 /// The pixels of one warp of one tile.
 template <class Block>
@@ -107,15 +116,19 @@ struct InstanceView {
 template <class Block, int kBatch>
 class TileBatch {
  public:
-  /// Loads instances first .. first + n of the sorted list; `sync` before the first use.
-  LANGGS_INLINE void load(Block& block, const InstanceView& instances, int first, int n) {
+  /// Loads the instances of the sorted list from `first` on that lie before `end`, and returns how many there are;
+  /// `sync` before the first use.
+  [[nodiscard]] LANGGS_INLINE int load(Block& block, const InstanceView& instances, int first, int end) {
+    const int n = min(end - first, kBatch);
     block.sync();  // the batch before has been read
-    block.threads([&](auto thread) {
-      if (thread.index >= n) return;
-      const Instance& instance = instances.sorted(first + thread.index);
+    block.threads(n, [&](auto thread) LANGGS_INLINE_LAMBDA {
+      const int at = first + thread.index;
+      const Instance& instance = instances.sorted(at);
       splat_.set(thread.index, instances.splats[instance.splat]);
       warps_.set(thread.index, instance.warps());
+      if (at + kBatch < end) block.prefetch(&instances.splats[instances.sorted(at + kBatch).splat]);
     });
+    return n;
   }
   [[nodiscard]] LANGGS_INLINE decltype(auto) splat(int j) const { return splat_[j]; }
   [[nodiscard]] LANGGS_INLINE WarpRange warps(int j) const { return warps_[j]; }
