@@ -104,10 +104,10 @@ class Warp {
   __device__ __forceinline__ void scatter(T* base, std::int32_t index, Mask wanted, T v) const {
     if (wanted) base[index] = v;
   }
-  /// base[index] in the lanes where `wanted`, `otherwise` in the others.
+  /// base[index]; every lane reads.
   template <class T>
-  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index, Mask wanted, T otherwise) const {
-    return wanted ? base[index] : otherwise;
+  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index) const {
+    return base[index];
   }
 
   /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.

@@ -381,18 +381,27 @@ LANGGS_INLINE T reduce_max(const Varying<T>& a) {
   return detail::reduce(
       a, [](auto x, auto y) __attribute__((always_inline)) { return x > y ? x : y; });
 }
-[[nodiscard]] LANGGS_INLINE std::uint32_t reduce_or(const Mask& mask) {
-  return static_cast<std::uint32_t>(detail::reduce(
-      mask, [](auto x, auto y) __attribute__((always_inline)) { return x | y; }));
+/// Bit l is set where the mask holds in lane l.
+[[nodiscard]] LANGGS_INLINE std::uint32_t bits_of(const Mask& mask) {
+  std::uint32_t bits = 0;
+  LANGGS_FOR_PARTS {
+#if defined(__AVX512F__)
+    const auto part = reinterpret_cast<__m512i>(mask.part[i]);
+    const std::uint32_t some = _mm512_test_epi32_mask(part, part);
+#elif defined(__AVX__)
+    const std::uint32_t some = _mm256_movemask_ps(reinterpret_cast<__m256>(mask.part[i]));
+#elif defined(__SSE__)
+    const std::uint32_t some = _mm_movemask_ps(reinterpret_cast<__m128>(mask.part[i]));
+#else
+    std::uint32_t some = 0;
+    for (int l = 0; l < Mask::kNativeLanes; ++l) some |= (mask.part[i][l] & 1u) << l;
+#endif
+    bits |= some << (i * Mask::kNativeLanes);
+  }
+  return bits;
 }
-[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) {
-  return detail::reduce(
-             mask, [](auto x, auto y) __attribute__((always_inline)) { return x | y; }) != 0;
-}
-[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) {
-  return detail::reduce(
-             mask, [](auto x, auto y) __attribute__((always_inline)) { return x & y; }) != 0;
-}
+[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) { return bits_of(mask) != 0; }
+[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) { return bits_of(mask) == 0xFFFFFFFFu; }
 
 namespace detail {
 

@@ -64,7 +64,7 @@ class Warp {
     return Varying<float>::load(lanes);
   }
   /// Bit i is set where the mask holds in lane i.
-  [[nodiscard]] LANGGS_INLINE std::uint32_t ballot(const Mask& mask) const { return reduce_or(mask & lane_bits()); }
+  [[nodiscard]] LANGGS_INLINE std::uint32_t ballot(const Mask& mask) const { return bits_of(mask); }
   /// The mask whose bits are set in `word`.
   [[nodiscard]] LANGGS_INLINE Mask unballot(std::uint32_t word) const {
     return (Varying<std::int32_t>(static_cast<std::int32_t>(word)) & lane_bits()) != 0;
@@ -81,16 +81,13 @@ class Warp {
     for (int i = 0; i < kLanes; ++i)
       if (which[i] != 0) base[where[i]] = lanes[i];
   }
-  /// base[index] in the lanes where `wanted`, `otherwise` in the others.
+  /// base[index]; every lane reads.
   template <class T>
-  [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
-                                                T otherwise) const {
-    // The other lanes must not read at all: another block may be writing there.
-    alignas(64) std::int32_t where[kLanes], which[kLanes];
+  [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {
+    alignas(64) std::int32_t where[kLanes];
     alignas(64) T lanes[kLanes];
     index.store(where);
-    wanted.store(which);
-    for (int i = 0; i < kLanes; ++i) lanes[i] = which[i] != 0 ? base[where[i]] : otherwise;
+    for (int i = 0; i < kLanes; ++i) lanes[i] = base[where[i]];
     return Varying<T>::load(lanes);
   }
 

@@ -13,14 +13,20 @@ struct RenderPlanes {
   float* transmittance = nullptr;  ///< [H, W] what is left of the ray behind the last splat
 };
 
+/// What a tile says about one of its splats.
+struct InstanceStatistics {
+  std::int32_t topk_count;  ///< pixels of the tile that have the splat among their K largest weights
+  float max_weight;         ///< largest weight in the tile
+};
+
 /// Top-K records and per-instance statistics; recorded in the same pass where K > 0.
 struct TopKPlanes {
   std::int32_t* id = nullptr;                 ///< [K, H, W] Gaussian index, -1 where empty
   float* weight = nullptr;                    ///< [K, H, W] raw blending weights, descending
-  std::int32_t* instance_gaussian = nullptr;  ///< [num_instances] scratch, by sorted position
+  std::int32_t* instance_gaussian = nullptr;  ///< [num_instances + 1] scratch, by sorted position
   std::int32_t* instance_count = nullptr;     ///< [num_instances] scratch, by sorted position, zeroed by the caller
-  std::int32_t* slot_count = nullptr;         ///< [num_instances] by slot: pixels that selected this instance
-  float* slot_max_weight = nullptr;           ///< [num_instances] by slot: largest weight, zeroed by the caller
+  float* instance_max_weight = nullptr;       ///< [num_instances] scratch, by sorted position, zeroed by the caller
+  InstanceStatistics* slot = nullptr;         ///< [num_instances] by slot
 };
 
 /// Paper Eq. 1 (colour and depth by alpha blending) and Eq. 2 (the K largest weights), one block a tile.
@@ -99,8 +105,8 @@ struct TileForward {
         block.sync();
         block.threads(n, [&](auto thread) {
           const WarpRange warps = shared.batch.warps(thread.index);
-          top.slot_max_weight[instances.sorted_slot[first + thread.index]] =
-              warps.last < warps.first ? 0.f : shared.largest.max(thread.index, warps);
+          if (warps.first <= warps.last)
+            top.instance_max_weight[first + thread.index] = shared.largest.max(thread.index, warps);
         });
       }
       if (block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; })) break;
@@ -114,14 +120,14 @@ struct TileForward {
       pixels.store(warp, out.colour + 2 * plane, blue.load(warp));
       pixels.store(warp, out.depth, depth.load(warp));
       pixels.store(warp, out.transmittance, abs(transmittance.load(warp)));
-      if constexpr (K > 0) store_topk(block, warp, pixels, topk.load(warp));
+      if constexpr (K > 0) store_topk(block, warp, pixels, topk.load(warp), begin);
     });
     if constexpr (K > 0) {
       block.sync();
       for (int first = begin; first < end; first += kThreads)
         block.threads(min(kThreads, end - first), [&](auto thread) {
           const int i = first + thread.index;
-          top.slot_count[instances.sorted_slot[i]] = top.instance_count[i];
+          top.slot[instances.sorted_slot[i]] = {top.instance_count[i], top.instance_max_weight[i]};
         });
     }
   }
@@ -162,11 +168,12 @@ struct TileForward {
 
   template <class Block>
   LANGGS_INLINE void store_topk(const Block& block, const typename Block::Warp& warp, const WarpPixels<Block>& pixels,
-                                const TopK<(K > 0 ? K : 1), Block>& best) const {
+                                const TopK<(K > 0 ? K : 1), Block>& best, int begin) const {
     const std::ptrdiff_t plane = static_cast<std::ptrdiff_t>(grid.width) * grid.height;
     for (int k = 0; k < K; ++k) {
       const auto filled = best.id[k] >= 0;
-      pixels.store(warp, top.id + k * plane, warp.gather(top.instance_gaussian, best.id[k], filled, -1));
+      pixels.store(warp, top.id + k * plane,
+                   select(filled, warp.gather(top.instance_gaussian, max(best.id[k], begin)), -1));
       pixels.store(warp, top.weight + k * plane, best.weight[k]);
       block.count(top.instance_count, best.id[k], filled);
     }

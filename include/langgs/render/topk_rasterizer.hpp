@@ -70,37 +70,37 @@ class TopKRasterizer {
  private:
   void render_recording(const Executor<Backend>& executor) {
     const int instances = splats_.num_instances();
-    // One more than needed: lanes without a hit gather element 0, which must exist even in an empty view.
-    for (auto* buffer : {&instance_gaussian_, &instance_count_, &slot_count_}) buffer->resize_discard(instances + 1);
-    slot_max_weight_.resize_discard(instances);
+    // One more than needed: lanes without a hit gather the first element of their tile, which must exist.
+    for (auto* buffer : {&instance_gaussian_, &instance_count_}) buffer->resize_discard(instances + 1);
+    instance_max_weight_.resize_discard(instances);
+    slot_statistics_.resize_discard(instances);
     instance_count_.fill(0);
-    slot_max_weight_.fill(0.f);
+    instance_max_weight_.fill(0.f);
     topk_id_.resize_discard(static_cast<std::size_t>(K) * num_pixels_);
     topk_weight_.resize_discard(static_cast<std::size_t>(K) * num_pixels_);
-    const TopKPlanes top{topk_id_.data(),        topk_weight_.data(), instance_gaussian_.data(),
-                         instance_count_.data(), slot_count_.data(),  slot_max_weight_.data()};
+    const TopKPlanes top{topk_id_.data(),        topk_weight_.data(),         instance_gaussian_.data(),
+                         instance_count_.data(), instance_max_weight_.data(), slot_statistics_.data()};
     launch(executor, splats_.grid().count(), TileForward<K>{splats_.grid(), splats_.instances(), rendered(), top});
 
     splat_max_weight_.resize_discard(splats_.num_splats());
     splat_topk_count_.resize_discard(splats_.num_splats());
     for_each_n(executor, splats_.num_splats(),
-               ReduceStatistics{splats_.slot_begin(), slot_count_.data(), slot_max_weight_.data(),
-                                splat_topk_count_.data(), splat_max_weight_.data()});
+               ReduceStatistics{splats_.slot_begin(), slot_statistics_.data(), splat_topk_count_.data(),
+                                splat_max_weight_.data()});
   }
 
   /// Per-splat statistics from those of its instances.
   struct ReduceStatistics {
     const std::int32_t* slot_begin;
-    const std::int32_t* slot_count;
-    const float* slot_max_weight;
+    const InstanceStatistics* slot;
     std::int32_t* topk_count;
     float* max_weight;
     LANGGS_HD void operator()(int c) const {
       std::int32_t count = 0;
       float most = 0;
       for (int s = slot_begin[c]; s < slot_begin[c + 1]; ++s) {
-        count += slot_count[s];
-        most = max(most, slot_max_weight[s]);
+        count += slot[s].topk_count;
+        most = max(most, slot[s].max_weight);
       }
       topk_count[c] = count;
       max_weight[c] = most;
@@ -109,8 +109,9 @@ class TopKRasterizer {
 
   SplatList<Backend> splats_;
   int num_pixels_ = 0;
-  Buffer<float, Backend> planes_, slot_sums_, topk_weight_, slot_max_weight_, splat_max_weight_;
-  Buffer<std::int32_t, Backend> topk_id_, instance_gaussian_, instance_count_, slot_count_, splat_topk_count_;
+  Buffer<float, Backend> planes_, slot_sums_, topk_weight_, instance_max_weight_, splat_max_weight_;
+  Buffer<std::int32_t, Backend> topk_id_, instance_gaussian_, instance_count_, splat_topk_count_;
+  Buffer<InstanceStatistics, Backend> slot_statistics_;
 };
 
 }  // namespace langgs
