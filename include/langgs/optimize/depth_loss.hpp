@@ -1,9 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "langgs/optimize/l1_loss.hpp"
+#include "langgs/optimize/masked_images.hpp"
 
 namespace langgs {
+namespace detail {
+
+/// The L1 loss of one plane: writes scale * sign(rendered - target), and the sum of |rendered - target| over the block.
+struct DepthL1 {
+  static constexpr int kThreads = 256, kPixels = 4096;  ///< of a block
+  template <class Block>
+  using Shared = BlockSum<Block>;
+  const float* rendered;
+  const float* target;
+  int num_pixels;
+  float scale;
+  float* gradient;
+  float* sums;
+
+  template <class Block>
+  LANGGS_HD void operator()(Block& block, Shared<Block>& shared) const {
+    using V = typename Block::template Varying<float>;
+    const int begin = block.index() * kPixels, end = num_pixels - begin < kPixels ? num_pixels : begin + kPixels;
+    block.warps([&](const auto& warp) {
+      V sum(0.f);
+      for (int first = begin + warp.index() * 32; first < end; first += kThreads) {
+        const V measured = warp.load(target + first);
+        V difference = select(is_measured(measured), warp.load(rendered + first) - measured, V(0.f));
+        if (end - first < 32) difference = select(warp.lane_index() < end - first, difference, V(0.f));
+        const V pull = l1_gradient(difference, scale);
+        if (end - first < 32)
+          warp.template store_rect<32>(gradient + first, 0, end - first, 1, pull);
+        else
+          warp.store(gradient + first, pull);
+        sum += abs(difference);
+      }
+      shared.parts.set(warp.index(), warp.sum(sum));
+    });
+    shared.write(block, sums + block.index());
+  }
+};
+
+}  // namespace detail
 
 /// Mean absolute difference of rendered and measured depth [m], last term of the paper's L_geo.
 /// Pixels without a measurement count as equal; the divisor is height * width (A.11.4).
@@ -12,14 +50,19 @@ class DepthLoss {
  public:
   /// `images` are [1, height, width] in metres; its mask is the target itself, whatever `images.depth` says.
   /// Returns the loss [m]; writes weight * d loss / d rendered to `gradient` [height, width].
-  double evaluate(const Executor<Backend>& executor, MaskedImages images, float weight, float* gradient) {
+  double evaluate(const Executor<Backend>& executor, const MaskedImages& images, float weight, float* gradient) {
+    validate(images);
     LANGGS_EXPECTS(images.planes == 1, "depth images have ", images.planes, " planes; they must have 1");
-    images.depth = images.target;
-    return l1_.evaluate(executor, images, weight, gradient);
+    const int n = images.num_pixels();
+    const int num_blocks = (n + detail::DepthL1::kPixels - 1) / detail::DepthL1::kPixels;
+    sums_.resize_discard(num_blocks);
+    launch(executor, num_blocks,
+           detail::DepthL1{images.rendered, images.target, n, weight / static_cast<float>(n), gradient, sums_.data()});
+    return detail::total(sums_, num_blocks) / n;
   }
 
  private:
-  L1Loss<Backend> l1_;
+  Buffer<float, Backend> sums_;
 };
 
 }  // namespace langgs

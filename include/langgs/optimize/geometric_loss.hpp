@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-
+#include "langgs/optimize/colour_loss.hpp"
 #include "langgs/optimize/depth_loss.hpp"
-#include "langgs/optimize/l1_loss.hpp"
-#include "langgs/optimize/ssim_loss.hpp"
 
 namespace langgs {
 
@@ -71,9 +66,9 @@ class GeometricLoss {
     const MaskedImages colour{rendered.colour, target.colour, mask, rendered.width, rendered.height, 3};
     const MaskedImages depth{rendered.depth, target.depth, target.depth, rendered.width, rendered.height, 1};
     validate(depth);
-    terms_ = {};
-    terms_.l1 = l1_.evaluate(executor, colour, 1 - weights_.ssim, gradient.colour);
-    if (weights_.ssim > 0) terms_.dssim = ssim_.evaluate(executor, colour, weights_.ssim, gradient.colour);
+    const auto colour_terms = colour_.evaluate(executor, colour, weights_.ssim, gradient.colour);
+    terms_.l1 = colour_terms.l1;
+    terms_.dssim = colour_terms.dssim;
     terms_.depth = depth_.evaluate(executor, depth, weights_.depth, gradient.depth);
     terms_.total = (1 - static_cast<double>(weights_.ssim)) * terms_.l1 +
                    static_cast<double>(weights_.ssim) * terms_.dssim +
@@ -84,8 +79,7 @@ class GeometricLoss {
  private:
   GeometricLossWeights weights_;
   GeometricLossTerms terms_;
-  L1Loss<Backend> l1_;
-  SsimLoss<Backend> ssim_;
+  ColourLoss<Backend> colour_;
   DepthLoss<Backend> depth_;
 };
 

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
-
 #include "langgs/core/config.hpp"
 #include "langgs/core/error.hpp"
 #include "langgs/device/buffer.hpp"
@@ -42,46 +39,35 @@ template <class V>
   return (depth > 0.f) & (depth < kMaxTargetDepth);
 }
 
-/// Adds groups of 8 pixels that lie `stride` apart, so that the loads are consecutive.
-struct SumGroups {
-  const float* values;
-  float* sums;
-  int stride;
+/// scale * sign(difference), 0 where there is no difference: what |rendered - target| pulls at a pixel.
+template <class V>
+[[nodiscard]] LANGGS_INLINE V l1_gradient(const V& difference, float scale) {
+  return select(difference > 0.f, V(scale), select(difference < 0.f, V(-scale), V(0.f)));
+}
 
-  template <class Lanes>
-  LANGGS_HD void operator()(const Lanes& lanes) const {
-    auto sum = lanes.load(values);
-    for (int i = 1; i < 8; ++i) sum += lanes.load(values + static_cast<std::ptrdiff_t>(i) * stride);
-    lanes.store(sums, sum);
+/// Sums a value over a block: every warp sets its part, then one thread adds the parts in their order.
+template <class Block>
+struct BlockSum {
+  typename Block::template SharedArray<float, Block::kWarps> parts;
+
+  LANGGS_INLINE void write(Block& block, float* to) const {
+    block.sync();
+    block.threads([&](auto thread) {
+      if (thread.index != 0) return;
+      float sum = 0;
+      for (int w = 0; w < Block::kWarps; ++w) sum += parts[w];
+      *to = sum;
+    });
   }
 };
 
-/// The sum over an image of per-pixel values. The order of additions depends on nothing but the size.
+/// The sums of a launch's blocks, added in their order.
 template <class Backend>
-class ImageSum {
- public:
-  void resize(int num_pixels) {
-    stride_ = (num_pixels + 255) / 256 * 32;
-    if (values_.size() == static_cast<std::size_t>(stride_) * 8 && num_pixels_ == num_pixels) return;
-    num_pixels_ = num_pixels;
-    values_.resize_discard(static_cast<std::size_t>(stride_) * 8);
-    values_.fill(0.f);
-    sums_.resize_discard(stride_);
-  }
-  /// [num_pixels]; write each of them before `total`.
-  [[nodiscard]] float* values() { return values_.data(); }
-
-  [[nodiscard]] double total(const Executor<Backend>& executor) {
-    for_each_lanes(executor, stride_, SumGroups{values_.data(), sums_.data(), stride_});
-    double sum = 0;
-    for (int i = 0; i < stride_; ++i) sum += static_cast<double>(sums_.data()[i]);
-    return sum;
-  }
-
- private:
-  Buffer<float, Backend> values_, sums_;
-  int stride_ = 0, num_pixels_ = 0;
-};
+[[nodiscard]] double total(const Buffer<float, Backend>& sums, int num_blocks) {
+  double sum = 0;
+  for (int i = 0; i < num_blocks; ++i) sum += static_cast<double>(sums.data()[i]);
+  return sum;
+}
 
 }  // namespace detail
 }  // namespace langgs

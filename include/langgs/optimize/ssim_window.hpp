@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <utility>
+
+#include "langgs/core/config.hpp"
+
+/// @file The window of SSIM (Wang et al. 2004), 11x11 Gaussian, sigma 1.5 (A.11.3), as two filters of eleven taps.
+///
+/// A block walks down a strip of the image, kSsimStep rows at a time. Rows are laid into shared memory, filtered along
+/// the row into a ring of rows, and this is filtered along the columns: the rows that the windows of one step share
+/// with those of the next are never computed twice. Every addition takes one product, so that no compiler has a choice
+/// of which product to fuse with it.
+
+namespace langgs::detail {
+
+inline constexpr int kSsimRadius = 5, kSsimTaps = 2 * kSsimRadius + 1;
+inline constexpr int kSsimStep = 8;                                  ///< rows; one for each warp of a block
+inline constexpr int kSsimWindows = 64;                              ///< columns of a strip that have windows
+inline constexpr int kSsimColumns = kSsimWindows - 2 * kSsimRadius;  ///< columns of a strip that get a gradient
+inline constexpr int kSsimReadColumns = 96;                          ///< that all windows of a strip reach
+inline constexpr int kSsimRing = kSsimStep + 2 * kSsimRadius;        ///< rows
+
+/// Tap i = 0..10 of the normalised Gaussian exp(-(i - 5)^2 / (2 * 1.5^2)).
+[[nodiscard]] LANGGS_INLINE constexpr float ssim_tap(int i) {
+  constexpr float kTaps[] = {1.0283800845e-03f, 7.5987581352e-03f, 3.6000772128e-02f, 1.0936068951e-01f,
+                             2.1300553771e-01f, 2.6601172486e-01f, 2.1300553771e-01f, 1.0936068951e-01f,
+                             3.6000772128e-02f, 7.5987581352e-03f, 1.0283800845e-03f};
+  return kTaps[i];
+}
+
+template <class Body, int... I>
+LANGGS_INLINE void ssim_for_each_tap(Body body, std::integer_sequence<int, I...>) {
+  (body(I, ssim_tap(I)), ...);
+}
+/// Calls body(i, tap i) for i = 0..10. Written out, not looped: the taps become constants under every compiler.
+template <class Body>
+LANGGS_INLINE void ssim_for_each_tap(Body body) {
+  ssim_for_each_tap(body, std::make_integer_sequence<int, kSsimTaps>{});
+}
+
+/// The rows of one step, kPitch columns each. What lanes read past a row is never used.
+template <class Block, int kPitch>
+struct SsimRows {
+  typename Block::template SharedArray<float, kSsimStep * kPitch + 16> values;
+
+  template <class Warp, class V>
+  LANGGS_INLINE void store(const Warp& warp, int column, const V& v) {
+    values.store(warp.index() * kPitch + column, v, warp);
+  }
+  /// Filters the warp's row: lane l gets the window over columns column + l .. column + l + 10.
+  template <class Warp>
+  [[nodiscard]] LANGGS_INLINE auto filter(const Warp& warp, int column) const {
+    typename Block::template Varying<float> sum(0.f);
+    const int first = warp.index() * kPitch + column;
+    ssim_for_each_tap([&](int i, float tap) { sum += values.load(first + i, warp) * tap; });
+    return sum;
+  }
+  /// The same of the values and of their squares.
+  template <class Warp, class V>
+  LANGGS_INLINE void filter(const Warp& warp, int column, V& mean, V& square) const {
+    mean = V(0.f), square = V(0.f);
+    const int first = warp.index() * kPitch + column;
+    ssim_for_each_tap([&](int i, float tap) {
+      const V value = values.load(first + i, warp);
+      mean += value * tap;
+      square += (value * value) * tap;
+    });
+  }
+};
+
+/// The last kSsimRing rows that were filtered along the row; rows count from 0 at the top of the strip.
+template <class Block>
+struct SsimRing {
+  typename Block::template SharedArray<float, kSsimRing * kSsimWindows> values;
+
+  template <class Warp, class V>
+  LANGGS_INLINE void store(const Warp& warp, int row, int column, const V& v) {
+    values.store(row % kSsimRing * kSsimWindows + column, v, warp);
+  }
+  /// The windows over rows row - 5 .. row + 5.
+  template <class Warp>
+  [[nodiscard]] LANGGS_INLINE auto filter(const Warp& warp, int row, int column) const {
+    typename Block::template Varying<float> sum(0.f);
+    const int top = (row - kSsimRadius) % kSsimRing;
+    ssim_for_each_tap([&](int i, float tap) {
+      const int slot = top + i < kSsimRing ? top + i : top + i - kSsimRing;
+      sum += values.load(slot * kSsimWindows + column, warp) * tap;
+    });
+    return sum;
+  }
+};
+
+}  // namespace langgs::detail
