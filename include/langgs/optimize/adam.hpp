@@ -27,6 +27,56 @@ struct AdamRule {
   }
 };
 
+namespace detail {
+
+/// Adam on the visible rows of all planes. A block has a piece of one plane: few streams of memory at a time, which
+/// hardware prefetchers can follow.
+struct AdamUpdate {
+  static constexpr int kThreads = 256, kRows = 2048;  ///< of a block
+  template <class Block>
+  struct Shared {};
+  PlanesView parameters, first_moment, second_moment, gradient;
+  const std::int32_t* gaussian;
+  AdamRule rule;
+  float rate[kNumPlanes];
+
+  [[nodiscard]] LANGGS_INLINE int blocks_per_plane() const { return (gradient.size + kRows - 1) / kRows; }
+
+  template <class Block>
+  LANGGS_HD void operator()(Block& block, Shared<Block>&) const {
+    using V = typename Block::template Varying<float>;
+    const int plane = block.index() / blocks_per_plane();
+    const int begin = (block.index() - plane * blocks_per_plane()) * kRows;
+    float *const parameter = parameters.plane(plane), *const first = first_moment.plane(plane),
+                 *const second = second_moment.plane(plane);
+    block.warps([&](const auto& warp) {
+      for (int i = 0; i < kRows / Block::kWarps; i += 32) {
+        const int column = begin + warp.index() * (kRows / Block::kWarps) + i, left = gradient.size - column;
+        if (left <= 0) break;
+        const V g = warp.load(gradient.plane(plane) + column);
+        const auto who = warp.load(gaussian + column);
+        // Gaussians that were inserted together are often seen together.
+        const int row = gaussian[column];
+        if (left >= 32 && warp.all(who == warp.lane_index() + row)) {
+          V m = warp.load(first + row), v = warp.load(second + row);
+          warp.store(parameter + row, warp.load(parameter + row) - rate[plane] * rule.direction(g, m, v));
+          warp.store(first + row, m);
+          warp.store(second + row, v);
+        } else {
+          const auto wanted = warp.lane_index() < left;
+          V m = warp.gather(first, who, wanted, 0.f), v = warp.gather(second, who, wanted, 0.f);
+          const V before = warp.gather(parameter, who, wanted, 0.f);
+          warp.scatter(parameter, who, wanted, before - rate[plane] * rule.direction(g, m, v));
+          warp.scatter(first, who, wanted, m);
+          warp.scatter(second, who, wanted, v);
+        }
+      }
+    });
+  }
+};
+
+}  // namespace detail
+
 /// Adam on the geometry of the Gaussians that a view has seen; the others keep their values and moments.
 template <class Backend>
 class SelectiveAdam {
@@ -36,13 +86,13 @@ class SelectiveAdam {
   template <int FeatDim>
   void step(const Executor<Backend>& executor, GaussianMap<FeatDim, Backend>& map,
             const MapGradient<Backend>& gradient) const {
-    Update update{map.geometry(),
-                  map.first_moment.geometry.view(),
-                  map.second_moment.geometry.view(),
-                  gradient.planes(),
-                  gradient.gaussian(),
-                  {rates_.beta1, rates_.beta2, rates_.epsilon},
-                  {}};
+    detail::AdamUpdate update{map.geometry(),
+                              map.first_moment.geometry.view(),
+                              map.second_moment.geometry.view(),
+                              gradient.planes(),
+                              gradient.gaussian(),
+                              {rates_.beta1, rates_.beta2, rates_.epsilon},
+                              {}};
     for (int a = 0; a < 3; ++a) {
       update.rate[kMeanX + a] = rates_.mean;
       update.rate[kLogScaleX + a] = rates_.log_scale;
@@ -50,31 +100,10 @@ class SelectiveAdam {
     }
     for (int a = 0; a < 4; ++a) update.rate[kRotationW + a] = rates_.rotation;
     update.rate[kOpacityLogit] = rates_.opacity_logit;
-    for_each_lanes(executor, gradient.size(), update);
+    launch(executor, kNumPlanes * update.blocks_per_plane(), update);
   }
 
  private:
-  struct Update {
-    PlanesView parameters, first, second, gradient;
-    const std::int32_t* gaussian;
-    AdamRule rule;
-    float rate[kNumPlanes];
-
-    template <class Lanes>
-    LANGGS_HD void operator()(const Lanes& lanes) const {
-      const auto who = lanes.load(gaussian);
-      for (int plane = 0; plane < kNumPlanes; ++plane) {
-        auto m = lanes.gather(first.plane(plane), who);
-        auto v = lanes.gather(second.plane(plane), who);
-        const auto step = rule.direction(lanes.load(gradient.plane(plane)), m, v);
-        const auto value = lanes.gather(parameters.plane(plane), who) - rate[plane] * step;
-        lanes.scatter(first.plane(plane), who, m);
-        lanes.scatter(second.plane(plane), who, v);
-        lanes.scatter(parameters.plane(plane), who, value);
-      }
-    }
-  };
-
   LearningRates rates_;
 };
 
