@@ -83,7 +83,8 @@ std::vector<float> evaluate(const Executor<Backend>& executor, const Scene& scen
 TEST_CASE("geometric loss: terms agree with the naive double-precision definition at awkward sizes") {
   const Executor<Host> executor(2);
   GeometricLoss<> loss;  // one object for all sizes, growing and shrinking: no size may see another's leftovers
-  const int sizes[][2] = {{1, 1}, {70, 23}, {31, 5}, {32, 11}, {27, 12}, {3, 70}, {33, 2}, {59, 40}, {123, 45}};
+  const int sizes[][2] = {{1, 1},  {70, 23}, {31, 5},   {32, 11},  {27, 12}, {3, 70},
+                          {33, 2}, {59, 40}, {123, 45}, {54, 161}, {56, 330}};
   for (const auto& size : sizes) {
     CAPTURE(size[0]);
     CAPTURE(size[1]);
@@ -101,9 +102,15 @@ TEST_CASE("geometric loss: terms agree with the naive double-precision definitio
 }
 
 TEST_CASE("geometric loss: gradient agrees with central differences of the naive definition") {
-  for (const bool masked : {true, false}) {
+  const struct {
+    int width, height;
+    bool masked;
+  } cases[] = {{21, 17, true}, {21, 17, false}, {57, 9, true}, {7, 165, true}};  // the last two: two strips
+  for (const auto& one : cases) {
+    const bool masked = one.masked;
+    CAPTURE(one.width);
     CAPTURE(masked);
-    const Scene scene(21, 17, 3);
+    const Scene scene(one.width, one.height, 3);
     const GeometricLossWeights weights{0.35f, 0.7f, masked};
     GeometricLoss<> loss(weights);
     Gradient gradient(scene.num_pixels());

@@ -71,7 +71,7 @@ struct ColourKernel {
     for (int top = 0; top < strip.rows + 4 * kSsimRadius; top += kSsimStep) {
       block.warps([&](const auto& warp) { read<V>(warp, strip, top + warp.index(), shared); });
       block.sync();
-      block.warps([&](const auto& warp) { filter(warp, top + warp.index(), shared); });
+      block.warps([&](const auto& warp) { filter<V>(warp, top + warp.index(), shared); });
       block.sync();
       block.warps([&](const auto& warp) {
         const int row = top + warp.index() - kSsimRadius;
@@ -81,7 +81,7 @@ struct ColourKernel {
       block.sync();
       block.warps([&](const auto& warp) {
         const int row = top + warp.index() - kSsimRadius;
-        if (row >= kSsimRadius) filter_derivatives(warp, row, shared);
+        if (row >= kSsimRadius) filter_derivatives<V>(warp, row, shared);
       });
       block.sync();
       block.warps([&](const auto& warp) {
@@ -111,13 +111,9 @@ struct ColourKernel {
       if (image_row >= 0 && image_row < images.height && column < images.width) {
         const auto index = warp.lane_index() + column;
         auto valid = (index >= 0) & (index < images.width);
-        // Left of a row lie the rows above: they can be read, unless there are none.
-        const auto load = [&](const float* image) {
-          warp.prefetch(image + at + column + kSsimStep * images.width);
-          return at + column >= 0 ? warp.load(image + at + column) : warp.gather(image + at, index, index >= 0, 0.f);
-        };
-        if (images.depth) valid = valid & is_measured(load(images.depth));
-        const V x = load(images.rendered + plane), y = load(images.target + plane);
+        if (images.depth) valid = valid & is_measured(load_row<V>(warp, images.depth, at, column));
+        const V x = load_row<V>(warp, images.rendered + plane, at, column);
+        const V y = load_row<V>(warp, images.target + plane, at, column);
         u = select(valid, x + y, 0.f), v = select(valid, x - y, 0.f);
       }
       shared.u.store(warp, first, u);
@@ -125,11 +121,22 @@ struct ColourKernel {
     }
   }
 
+  /// image[row_begin + column] from a column on that may lie left of the image; asks for the next step's, too.
+  template <class V, class Warp>
+  [[nodiscard]] LANGGS_INLINE V load_row(const Warp& warp, const float* image, std::ptrdiff_t row_begin,
+                                         int column) const {
+    const float* row = image + row_begin;
+    warp.prefetch(row + column + kSsimStep * images.width);
+    if (row_begin + column >= 0) return warp.load(row + column);  // left of a row lies the one above
+    const auto index = warp.lane_index() + column;
+    return warp.gather(row, index, index >= 0, 0.f);
+  }
+
   /// Means and mean squares along a row.
-  template <class Warp, class Shared>
+  template <class V, class Warp, class Shared>
   LANGGS_INLINE static void filter(const Warp& warp, int row, Shared& shared) {
     for (int column = 0; column < kSsimWindows; column += 32) {
-      decltype(shared.by_mean.filter(warp, column)) mean, square;
+      V mean, square;
       shared.u.filter(warp, column, mean, square);
       shared.mean_u.store(warp, row, column, mean);
       shared.square_u.store(warp, row, column, square);
@@ -146,9 +153,10 @@ struct ColourKernel {
     const int image_row = strip.row + row - 2 * kSsimRadius;
     V sum(0.f);
     for (int first = 0; first < kSsimWindows; first += 32) {
-      const V mu = shared.mean_u.filter(warp, row, first), mv = shared.mean_v.filter(warp, row, first);
-      const V var_u = max(shared.square_u.filter(warp, row, first) - mu * mu, 0.f);
-      const V var_v = max(shared.square_v.filter(warp, row, first) - mv * mv, 0.f);
+      const V mu = shared.mean_u.template filter<V>(warp, row, first),
+              mv = shared.mean_v.template filter<V>(warp, row, first);
+      const V var_u = max(shared.square_u.template filter<V>(warp, row, first) - mu * mu, 0.f);
+      const V var_v = max(shared.square_v.template filter<V>(warp, row, first) - mv * mv, 0.f);
       const V mu2 = mu * mu + 2 * kSsimC1;
       const V a = mu2 - mv * mv, b = var_u - var_v + 2 * kSsimC2;
       const V c = mu2 + mv * mv, d = var_u + var_v + 2 * kSsimC2;
@@ -169,12 +177,12 @@ struct ColourKernel {
   }
 
   /// The gradient of a window goes to all its pixels: the same filter once more.
-  template <class Warp, class Shared>
+  template <class V, class Warp, class Shared>
   LANGGS_INLINE static void filter_derivatives(const Warp& warp, int row, Shared& shared) {
     for (int column = 0; column < kSsimWindows; column += 32) {
-      shared.filtered_by_mean.store(warp, row, column, shared.by_mean.filter(warp, column));
-      shared.filtered_by_uu.store(warp, row, column, shared.by_uu.filter(warp, column));
-      shared.filtered_by_vv.store(warp, row, column, shared.by_vv.filter(warp, column));
+      shared.filtered_by_mean.store(warp, row, column, shared.by_mean.template filter<V>(warp, column));
+      shared.filtered_by_uu.store(warp, row, column, shared.by_uu.template filter<V>(warp, column));
+      shared.filtered_by_vv.store(warp, row, column, shared.by_vv.template filter<V>(warp, column));
     }
   }
 
@@ -192,9 +200,9 @@ struct ColourKernel {
       auto valid = warp.lane_index() < strip.columns - first;
       if (images.depth) valid = valid & is_measured(warp.load(images.depth + pixel + first));
       const V difference = select(valid, x - y, 0.f);
-      V g = shared.filtered_by_mean.filter(warp, row, first);
-      g += (x + y) * shared.filtered_by_uu.filter(warp, row, first);
-      g += difference * shared.filtered_by_vv.filter(warp, row, first);
+      V g = shared.filtered_by_mean.template filter<V>(warp, row, first);
+      g += (x + y) * shared.filtered_by_uu.template filter<V>(warp, row, first);
+      g += difference * shared.filtered_by_vv.template filter<V>(warp, row, first);
       g = select(valid, g * ssim_scale, 0.f) + l1_gradient(difference, l1_scale);
       if (strip.columns >= 32)
         warp.store(gradient + at, g);

@@ -29,15 +29,8 @@ inline constexpr int kSsimRing = kSsimStep + 2 * kSsimRadius;        ///< rows
   return kTaps[i];
 }
 
-template <class Body, int... I>
-LANGGS_INLINE void ssim_for_each_tap(Body body, std::integer_sequence<int, I...>) {
-  (body(I, ssim_tap(I)), ...);
-}
-/// Calls body(i, tap i) for i = 0..10. Written out, not looped: the taps become constants under every compiler.
-template <class Body>
-LANGGS_INLINE void ssim_for_each_tap(Body body) {
-  ssim_for_each_tap(body, std::make_integer_sequence<int, kSsimTaps>{});
-}
+/// 0..10 as a parameter pack: sums over the taps are folds, written out under every compiler.
+using SsimTapIndices = std::make_integer_sequence<int, kSsimTaps>;
 
 /// The rows of one step, kPitch columns each. What lanes read past a row is never used.
 template <class Block, int kPitch>
@@ -49,23 +42,28 @@ struct SsimRows {
     values.store(warp.index() * kPitch + column, v, warp);
   }
   /// Filters the warp's row: lane l gets the window over columns column + l .. column + l + 10.
-  template <class Warp>
-  [[nodiscard]] LANGGS_INLINE auto filter(const Warp& warp, int column) const {
-    typename Block::template Varying<float> sum(0.f);
-    const int first = warp.index() * kPitch + column;
-    ssim_for_each_tap([&](int i, float tap) { sum += values.load(first + i, warp) * tap; });
-    return sum;
+  template <class V, class Warp>
+  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int column) const {
+    return filter<V>(warp, warp.index() * kPitch + column, SsimTapIndices{});
   }
   /// The same of the values and of their squares.
-  template <class Warp, class V>
+  template <class V, class Warp>
   LANGGS_INLINE void filter(const Warp& warp, int column, V& mean, V& square) const {
+    filter(warp, warp.index() * kPitch + column, mean, square, SsimTapIndices{});
+  }
+
+ private:
+  template <class V, class Warp, int... I>
+  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int first, std::integer_sequence<int, I...>) const {
+    V sum(0.f);
+    ((sum += values.load(first + I, warp) * ssim_tap(I)), ...);
+    return sum;
+  }
+  template <class V, class Warp, int... I>
+  LANGGS_INLINE void filter(const Warp& warp, int first, V& mean, V& square, std::integer_sequence<int, I...>) const {
     mean = V(0.f), square = V(0.f);
-    const int first = warp.index() * kPitch + column;
-    ssim_for_each_tap([&](int i, float tap) {
-      const V value = values.load(first + i, warp);
-      mean += value * tap;
-      square += (value * value) * tap;
-    });
+    V x;
+    ((x = values.load(first + I, warp), mean += x * ssim_tap(I), square += (x * x) * ssim_tap(I)), ...);
   }
 };
 
@@ -79,14 +77,17 @@ struct SsimRing {
     values.store(row % kSsimRing * kSsimWindows + column, v, warp);
   }
   /// The windows over rows row - 5 .. row + 5.
-  template <class Warp>
-  [[nodiscard]] LANGGS_INLINE auto filter(const Warp& warp, int row, int column) const {
-    typename Block::template Varying<float> sum(0.f);
-    const int top = (row - kSsimRadius) % kSsimRing;
-    ssim_for_each_tap([&](int i, float tap) {
-      const int slot = top + i < kSsimRing ? top + i : top + i - kSsimRing;
-      sum += values.load(slot * kSsimWindows + column, warp) * tap;
-    });
+  template <class V, class Warp>
+  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int row, int column) const {
+    return filter<V>(warp, (row - kSsimRadius) % kSsimRing, column, SsimTapIndices{});
+  }
+
+ private:
+  [[nodiscard]] LANGGS_INLINE static int wrapped(int slot) { return slot < kSsimRing ? slot : slot - kSsimRing; }
+  template <class V, class Warp, int... I>
+  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int top, int column, std::integer_sequence<int, I...>) const {
+    V sum(0.f);
+    ((sum += values.load(wrapped(top + I) * kSsimWindows + column, warp) * ssim_tap(I)), ...);
     return sum;
   }
 };
