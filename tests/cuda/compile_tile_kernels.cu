@@ -2,6 +2,9 @@
 // The kernels that the host tests run, compiled by nvcc from the same source. tests/checks/compile_cuda.sh reads the
 // registers and spills of each.
 #include "langgs/device/launch.hpp"
+#include "langgs/optimize/adam.hpp"
+#include "langgs/optimize/colour_loss.hpp"
+#include "langgs/optimize/depth_loss.hpp"
 #include "langgs/optimize/feature_step.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_compositor.hpp"
@@ -22,6 +25,10 @@ template void launch(const Executor<Cuda>&, int, const detail::RecordHits&);
 template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512>&);
 template void launch(const Executor<Cuda>&, int, const FeatureSigns<512>&);
 template void launch(const Executor<Cuda>&, int, const FeatureUpdate<512>&);
+
+template void launch(const Executor<Cuda>&, int, const detail::ColourKernel&);
+template void launch(const Executor<Cuda>&, int, const detail::DepthL1&);
+template void launch(const Executor<Cuda>&, int, const detail::AdamUpdate&);
 
 template void for_each_lanes(const Executor<Cuda>&, int, const ProjectGaussians&);
 template void for_each_lanes(const Executor<Cuda>&, int, const GatherGradient&);

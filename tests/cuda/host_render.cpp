@@ -48,7 +48,7 @@ HostRender render_on_host(int width, int height, int num_gaussians, std::uint64_
   host.grid = splats.grid();
   host.tile_begin = copy(instances.tile_begin, host.grid.count() + 1);
   host.sorted_slot = copy(instances.sorted_slot, num_instances);
-  host.slot_splat = copy(instances.slot_splat, num_instances);
+  host.slot = copy(instances.slot, num_instances);
   host.splat_gaussian = copy(instances.splat_gaussian, num_splats);
   host.splats = copy(instances.splats, num_splats);
   host.slot_begin = copy(splats.slot_begin(), num_splats + 1);

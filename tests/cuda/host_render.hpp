@@ -25,7 +25,8 @@ struct HostRender {
   std::vector<float> map;  ///< [14, size]
   int size = 0;
 
-  std::vector<std::int32_t> tile_begin, sorted_slot, slot_splat, splat_gaussian, slot_begin;
+  std::vector<std::int32_t> tile_begin, sorted_slot, splat_gaussian, slot_begin;
+  std::vector<Instance> slot;
   std::vector<Splat> splats;
 
   std::vector<float> projected;  ///< [kNumProjected, size]

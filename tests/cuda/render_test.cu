@@ -27,16 +27,18 @@ struct DeviceScene {
       : map(host.map),
         tile_begin(host.tile_begin),
         sorted_slot(host.sorted_slot),
-        slot_splat(host.slot_splat),
+        slot(host.slot),
         splat_gaussian(host.splat_gaussian),
         slot_begin(host.slot_begin),
         splats(host.splats) {}
   [[nodiscard]] InstanceView instances() const {
-    return {tile_begin.data(), sorted_slot.data(), slot_splat.data(), splats.data(), splat_gaussian.data()};
+    return {tile_begin.data(), sorted_slot.data(), slot.data(), splats.data(), splat_gaussian.data()};
   }
 
   DeviceArray<float> map;
-  DeviceArray<std::int32_t> tile_begin, sorted_slot, slot_splat, splat_gaussian, slot_begin;
+  DeviceArray<std::int32_t> tile_begin, sorted_slot;
+  DeviceArray<Instance> slot;
+  DeviceArray<std::int32_t> splat_gaussian, slot_begin;
   DeviceArray<Splat> splats;
 };
 
@@ -78,32 +80,31 @@ TEST_CASE("Rendering with Top-K on CUDA equals the host's") {
   const DeviceScene device(host);
   const Executor<Cuda> executor;
   const std::size_t n = host.view.camera.num_pixels(), num_instances = host.sorted_slot.size();
-  DeviceArray<float> planes(5 * n), topk_weight(kTestK * n), slot_max_weight(num_instances, 0);
-  DeviceArray<std::int32_t> topk_id(kTestK * n), instance_gaussian(num_instances), instance_count(num_instances, 0),
-      slot_count(num_instances);
+  DeviceArray<float> planes(5 * n), topk_weight(kTestK * n), instance_max_weight(num_instances, 0);
+  DeviceArray<std::int32_t> topk_id(kTestK * n), instance_gaussian(num_instances + 1), instance_count(num_instances, 0);
+  DeviceArray<InstanceStatistics> slot(num_instances);
   const RenderPlanes out{planes.data(), planes.data() + 3 * n, planes.data() + 4 * n};
   launch(executor, host.grid.count(),
          TileForward<kTestK>{host.grid,
                              device.instances(),
                              out,
                              {topk_id.data(), topk_weight.data(), instance_gaussian.data(), instance_count.data(),
-                              slot_count.data(), slot_max_weight.data()}});
+                              instance_max_weight.data(), slot.data()}});
   executor.synchronize();
   CHECK(num_far(planes.values(), host.planes, 1e-4, 1e-4) <= 2);
   CHECK(num_far(planes.values(), host.planes, 0.05, 0.) == 0);
   CHECK(num_far(topk_weight.values(), host.topk_weight, 1e-5, 1e-4) <= 2);
   CHECK(num_far(topk_id.values(), host.topk_id, 0., 0.) <= 4);
 
-  const std::vector<std::int32_t> count = slot_count.values();
-  const std::vector<float> most = slot_max_weight.values();
+  const std::vector<InstanceStatistics> seen = slot.values();
   std::vector<std::int32_t> splat_count;
   std::vector<float> splat_most;
   for (std::size_t c = 0; c < host.splats.size(); ++c) {
     splat_count.push_back(0);
     splat_most.push_back(0);
     for (int s = host.slot_begin[c]; s < host.slot_begin[c + 1]; ++s) {
-      splat_count.back() += count[s];
-      splat_most.back() = std::max(splat_most.back(), most[s]);
+      splat_count.back() += seen[s].topk_count;
+      splat_most.back() = std::max(splat_most.back(), seen[s].max_weight);
     }
   }
   CHECK(num_far(splat_count, host.topk_count, 2., 0.) == 0);
@@ -129,7 +130,7 @@ TEST_CASE("Gradients on CUDA equal the host's") {
   const Executor<Cuda> executor;
   const std::size_t n = host.view.camera.num_pixels(), num_splats = host.splats.size();
   DeviceArray<float> planes(host.planes), upstream(host.upstream);
-  DeviceArray<float> slot_sums(host.sorted_slot.size() * kNumSplatSums, 0), gradient(kNumPlanes * num_splats),
+  DeviceArray<float> slot_sums(host.sorted_slot.size() * kNumSplatSums), gradient(kNumPlanes * num_splats),
       pose(6 * num_splats);
   launch(executor, host.grid.count(),
          TileBackward{host.grid,

@@ -104,6 +104,11 @@ class Warp {
   __device__ __forceinline__ void scatter(T* base, std::int32_t index, Mask wanted, T v) const {
     if (wanted) base[index] = v;
   }
+  /// base[index] in the lanes where `wanted`, `otherwise` in the others, which do not read.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index, Mask wanted, T otherwise) const {
+    return wanted ? base[index] : otherwise;
+  }
   /// base[index]; every lane reads.
   template <class T>
   [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index) const {

@@ -81,6 +81,17 @@ class Warp {
     for (int i = 0; i < kLanes; ++i)
       if (which[i] != 0) base[where[i]] = lanes[i];
   }
+  /// base[index] in the lanes where `wanted`, `otherwise` in the others, which do not read.
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
+                                                T otherwise) const {
+    alignas(64) std::int32_t where[kLanes], which[kLanes];
+    alignas(64) T lanes[kLanes];
+    index.store(where);
+    wanted.store(which);
+    for (int i = 0; i < kLanes; ++i) lanes[i] = which[i] != 0 ? base[where[i]] : otherwise;
+    return Varying<T>::load(lanes);
+  }
   /// base[index]; every lane reads.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {

@@ -83,7 +83,7 @@ struct TileForward {
           [&](const auto& item) LANGGS_INLINE_LAMBDA {
             const Splat& s = shared.batch.splat(item.index());
             const SplatColumn<F> column(s, columns);
-            F largest(0.f);
+            [[maybe_unused]] F largest(0.f);
             item.warps([&](const auto& warp) LANGGS_INLINE_LAMBDA {
               if (!is_live.load(warp)) return;
               const Footprint<F> at(s, column, rows.of(warp));
