@@ -77,17 +77,19 @@ launcher=()
 headers_elsewhere=()
 if ((!quick)) && command -v clang++ >/dev/null; then headers_elsewhere=(-LE headers); fi
 
+# A folder's tests become one translation unit, for most of the time goes into instantiating the same templates again.
+# Not with --quick: there each file compiles on its own, and after a change only what it touches.
+unity=(-DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=0)
+if ((quick)); then unity=(-DCMAKE_UNITY_BUILD=OFF); fi
+
 mkdir -p build
-if build release all -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER="${CXX:-g++}"; then
+if build release all "${unity[@]}" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER="${CXX:-g++}"; then
   run_ctest release "${headers_elsewhere[@]}"
 fi
 
 # The test executables that a build tree knows, as targets: test_core test_map ...
 host_targets() { ls tests | while read -r d; do compgen -G "tests/$d/*_test.cpp" >/dev/null && [[ $d != examples && $d != cuda && $d != fuzz ]] && echo "test_$d"; done; }
-# A folder's tests become one translation unit, for most of the time goes into instantiating the same templates again;
-# that each file compiles on its own was seen above.
-common=(-DLANGGS_BUILD_EXAMPLES=OFF -DLANGGS_BUILD_BENCHMARKS=OFF -DLANGGS_INSTALL=OFF
-        -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=0)
+common=("${unity[@]}" -DLANGGS_BUILD_EXAMPLES=OFF -DLANGGS_BUILD_BENCHMARKS=OFF -DLANGGS_INSTALL=OFF)
 sanitizer=("${common[@]}" -DCMAKE_BUILD_TYPE=None "-DCMAKE_CXX_FLAGS=-O1 -g1" -DLANGGS_WARNINGS_AS_ERRORS=OFF
            -DCMAKE_CXX_COMPILER=g++)
 
