@@ -26,7 +26,9 @@ endforeach()
 add_library(headers_alone OBJECT EXCLUDE_FROM_ALL ${alone_sources})
 target_link_libraries(headers_alone PRIVATE langgs_development)
 target_compile_options(headers_alone PRIVATE -O0)
+set_target_properties(headers_alone PROPERTIES UNITY_BUILD OFF)  # alone, whatever the tests do
 langgs_add_build_test(headers.alone headers_alone)
+set_property(TEST headers.alone APPEND PROPERTY LABELS headers)
 
 # Names that <complex.h>, <termios.h>, X11, logging and test libraries define as macros. What we
 # include from elsewhere comes first: only our own spelling is on trial.

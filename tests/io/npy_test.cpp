@@ -30,7 +30,7 @@ std::string raw(std::initializer_list<T> values) {
   return bytes;
 }
 
-NpyArray read_bytes(const std::string& bytes) {
+NpyArray read_npy_bytes(const std::string& bytes) {
   const ScratchFolder folder;
   put(folder / "in.npy", bytes);
   return read_npy(folder / "in.npy");
@@ -38,7 +38,7 @@ NpyArray read_bytes(const std::string& bytes) {
 
 template <class T>
 std::vector<float> as_floats(const std::string& descr, std::initializer_list<T> values) {
-  return to_float(read_bytes(npy_bytes(
+  return to_float(read_npy_bytes(npy_bytes(
       "{'descr': '" + descr + "', 'fortran_order': False, 'shape': (" + std::to_string(values.size()) + ",), }",
       raw(values))));
 }
@@ -100,7 +100,7 @@ TEST_CASE("read_npy: Fortran order comes out in C order") {
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 2; ++i) data += raw({static_cast<float>(100 * i + 10 * j + k)});
   const auto values =
-      to_float(read_bytes(npy_bytes("{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3, 4), }", data)));
+      to_float(read_npy_bytes(npy_bytes("{'descr': '<f4', 'fortran_order': True, 'shape': (2, 3, 4), }", data)));
   std::vector<float> expected;
   for (int i = 0; i < 2; ++i)
     for (int j = 0; j < 3; ++j)
@@ -114,12 +114,12 @@ TEST_CASE("read_npy: the header may be version 2, in any key order and spacing")
   const std::uint32_t length = static_cast<std::uint32_t>(dictionary.size());
   file.append(reinterpret_cast<const char*>(&length), 4);
   file += dictionary + raw({1.f, 2.f});
-  CHECK(to_float(read_bytes(file)) == std::vector<float>{1, 2});
+  CHECK(to_float(read_npy_bytes(file)) == std::vector<float>{1, 2});
 }
 
 TEST_CASE("read_npy: bad files are refused with a reason") {
   const auto error = [](const std::string& dictionary, const std::string& data) {
-    return io_error([&] { (void)to_float(read_bytes(npy_bytes(dictionary, data))); });
+    return io_error([&] { (void)to_float(read_npy_bytes(npy_bytes(dictionary, data))); });
   };
   const auto contains = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
   const std::string four(4, '\0');
@@ -138,10 +138,10 @@ TEST_CASE("read_npy: bad files are refused with a reason") {
       contains(error("{'descr': '<f4', 'fortran_order': False, 'shape': (4294967296, 4294967296), }", ""), "overflow"));
   CHECK(
       contains(error("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999,), }", ""), "overflow"));
-  CHECK(contains(io_error([&] { (void)read_bytes("not numpy at all"); }), "not a .npy"));
-  CHECK(contains(io_error([&] { (void)read_bytes(std::string("\x93NUMPY\x01\x00\xFF\xFF{", 11)); }),
+  CHECK(contains(io_error([&] { (void)read_npy_bytes("not numpy at all"); }), "not a .npy"));
+  CHECK(contains(io_error([&] { (void)read_npy_bytes(std::string("\x93NUMPY\x01\x00\xFF\xFF{", 11)); }),
                  "inside its header"));
-  CHECK(contains(io_error([&] { (void)read_bytes(std::string("\x93NUMPY\x09\x00\x01\x00{", 11)); }), "9.0"));
+  CHECK(contains(io_error([&] { (void)read_npy_bytes(std::string("\x93NUMPY\x09\x00\x01\x00{", 11)); }), "9.0"));
   NpyArray wrong;
   wrong.shape = {3};
   CHECK_THROWS_AS((void)to_float(wrong), InvalidArgument);

@@ -29,7 +29,7 @@ const std::string kAsciiHeader =
     "property float opacity\nproperty float scale_2\nproperty float scale_1\nproperty float scale_0\n"
     "property float z\nproperty float y\nproperty float x\n";
 
-SplatCloud read_bytes(const std::string& bytes) {
+SplatCloud read_ply_bytes(const std::string& bytes) {
   const ScratchFolder folder;
   put(folder / "in.ply", bytes);
   return read_ply(folder / "in.ply");
@@ -100,7 +100,7 @@ TEST_CASE("read_ply: ascii, any order and type, lists and other elements skipped
                            "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
                            "0 0 0 -2   2 7 8   255   1.7724538509 0 -1.7724538509  0.125\r\n2.5 -5 -4 -3 3 2 1\n"
                            "3 0 0 0\n3 0 0 0\n";
-  const SplatCloud cloud = read_bytes(text);
+  const SplatCloud cloud = read_ply_bytes(text);
   REQUIRE(cloud.size() == 1);
   CHECK(cloud.mean[0] == std::array<float, 3>{1, 2, 3});
   CHECK(cloud.log_scale[0] == std::array<float, 3>{-3, -4, -5});
@@ -121,18 +121,18 @@ TEST_CASE("read_ply: binary with an element of lists before the splats") {
   append(bytes, 0.0), append(bytes, 0.f), append(bytes, 0.f), append(bytes, 1.f);
   append<std::uint8_t>(bytes, 1), append<std::int32_t>(bytes, 5), append<std::uint8_t>(bytes, 9);
   for (const float value : {0.f, 0.f, 0.f, 0.f, 2.5f, -5.f, -4.f, -3.f, 3.f, 2.f, 1.f}) append(bytes, value);
-  const SplatCloud cloud = read_bytes(bytes);
+  const SplatCloud cloud = read_ply_bytes(bytes);
   REQUIRE(cloud.size() == 1);
   CHECK(cloud.mean[0] == std::array<float, 3>{1, 2, 3});
   CHECK(cloud.rotation[0] == std::array<float, 4>{1, 0, 0, 0});
-  CHECK_THROWS_AS((void)read_bytes(bytes.substr(0, bytes.size() - 1)), IoError);
+  CHECK_THROWS_AS((void)read_ply_bytes(bytes.substr(0, bytes.size() - 1)), IoError);
 }
 
 TEST_CASE("read_ply: bad files are refused with a reason") {
   const std::string good = kAsciiHeader + "end_header\n0 0 0 1  0  0  0 0 0 0  1 1 1 1 3 2 1\n";
-  CHECK(read_bytes(good).size() == 1);
+  CHECK(read_ply_bytes(good).size() == 1);
   const auto error = [&](const std::string& from, const std::string& to) {
-    return io_error([&] { (void)read_bytes(replaced(good, from, to)); });
+    return io_error([&] { (void)read_ply_bytes(replaced(good, from, to)); });
   };
   const auto contains = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
   CHECK(contains(error("ply", "plx"), "not a PLY"));
@@ -153,10 +153,10 @@ TEST_CASE("read_ply: bad files are refused with a reason") {
   CHECK(contains(error("3 2 1", "3 2 1e39"), "not finite"));
   CHECK(contains(error("0 0 0 1  0 ", "0 0 0 1  -1 "), "length -1"));
   CHECK(contains(error("0 0 0 1  0 ", "0 0 0 1  1e15 "), "length 1e+15"));
-  CHECK(contains(io_error([] { (void)read_bytes("ply\nformat ascii 1.0\nelement vertex 1\n"); }), "end_header"));
-  CHECK(contains(io_error([] { (void)read_bytes("ply\nelement vertex 0\nend_header\n"); }), "format"));
-  CHECK(
-      contains(io_error([] { (void)read_bytes("ply\nformat ascii 1.0\nproperty float x\n"); }), "before any element"));
+  CHECK(contains(io_error([] { (void)read_ply_bytes("ply\nformat ascii 1.0\nelement vertex 1\n"); }), "end_header"));
+  CHECK(contains(io_error([] { (void)read_ply_bytes("ply\nelement vertex 0\nend_header\n"); }), "format"));
+  CHECK(contains(io_error([] { (void)read_ply_bytes("ply\nformat ascii 1.0\nproperty float x\n"); }),
+                 "before any element"));
 
   const ScratchFolder folder;
   SplatCloud cloud = small_cloud();
@@ -169,7 +169,7 @@ TEST_CASE("read_ply: an element without properties costs nothing, whatever its c
   const std::string text =
       replaced(kAsciiHeader, "element vertex", "element nothing 18446744073709551615\nelement vertex") +
       "end_header\n0 0 0 1  0  0  0 0 0 0  1 1 1 1 3 2 1\n";
-  CHECK(read_bytes(text).size() == 1);
+  CHECK(read_ply_bytes(text).size() == 1);
 }
 
 TEST_CASE("read_ply: damaged files never do worse than IoError") {

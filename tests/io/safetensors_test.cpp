@@ -14,14 +14,14 @@ std::string file_bytes(const std::string& header, const std::string& data) {
   return std::string(reinterpret_cast<const char*>(&length), 8) + header + data;
 }
 
-SafetensorsFile read_bytes(const std::string& bytes) {
+SafetensorsFile read_safetensors_bytes(const std::string& bytes) {
   const ScratchFolder folder;
   put(folder / "in.safetensors", bytes);
   return SafetensorsFile(folder / "in.safetensors");
 }
 
 std::string error_of(const std::string& header, const std::string& data) {
-  return io_error([&] { (void)read_bytes(file_bytes(header, data)); });
+  return io_error([&] { (void)read_safetensors_bytes(file_bytes(header, data)); });
 }
 
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
@@ -102,7 +102,7 @@ TEST_CASE("SafetensorsWriter: bad tensors are refused, an empty file is fine") {
 }
 
 TEST_CASE("SafetensorsFile: other writers' spacing, key order, escapes and odd alignment") {
-  const SafetensorsFile file = read_bytes(
+  const SafetensorsFile file = read_safetensors_bytes(
       file_bytes("{\"\\u00e9\\ud83d\\ude00\\n\\/\" : { \"shape\" : [ 1 ] , \"data_offsets\":[1,5],\"dtype\":\"F32\"},"
                  "\n\"b\":{\"dtype\":\"BOOL\",\"shape\":[],\"data_offsets\":[0,1]}}  ",
                  std::string("\x01\x00\x00\x80\x3F", 5)));
@@ -166,9 +166,10 @@ TEST_CASE("SafetensorsFile: bad headers are refused") {
     CAPTURE(bad);
     CHECK(contains(error_of(bad, ""), "bad safetensors header"));
   }
-  CHECK(contains(io_error([] { (void)read_bytes("1234567"); }), "not a safetensors file"));
-  CHECK(contains(io_error([] { (void)read_bytes(std::string(16, '\xFF')); }), "promises a header"));
-  CHECK(contains(io_error([] { (void)read_bytes(std::string("\x03\0\0\0\0\0\0\0{}", 10)); }), "promises a header"));
+  CHECK(contains(io_error([] { (void)read_safetensors_bytes("1234567"); }), "not a safetensors file"));
+  CHECK(contains(io_error([] { (void)read_safetensors_bytes(std::string(16, '\xFF')); }), "promises a header"));
+  CHECK(contains(io_error([] { (void)read_safetensors_bytes(std::string("\x03\0\0\0\0\0\0\0{}", 10)); }),
+                 "promises a header"));
 }
 
 TEST_CASE("SafetensorsFile: damaged files never do worse than IoError") {

@@ -55,37 +55,6 @@ struct FeaturesAtTheEnd {
 
 }  // namespace
 
-TEST_CASE("without redundancy control the map holds more Gaussians") {
-  SlamSettings settings = test::small_settings();
-  settings.iterations_per_frame = 1;
-  LangGsSlam<kDim> with(scene().room.camera(), settings);
-  settings.mapping.redundancy.squared_distance = 0;
-  LangGsSlam<kDim> without(scene().room.camera(), settings);
-  const SlamStatistics a = run(with), b = run(without);
-  CHECK(a.suppressed > 0);
-  CHECK(b.suppressed == 0);
-  CHECK(a.gaussians < 0.8 * b.gaussians);
-  CHECK(b.gaussians == 40 * 30 * b.keyframes);  // every grid point of every keyframe
-}
-
-TEST_CASE("NoPruning keeps every Gaussian, PruningPolicy does not") {
-  SlamSettings settings = test::small_settings();
-  settings.iterations_per_frame = 4;
-  LangGsSlam<kDim, 3, NoPruning> keeping(scene().room.camera(), settings);
-  LangGsSlam<kDim> pruning(scene().room.camera(), settings);
-  pruning.pruning.consistency_period = 12;
-  pruning.pruning.backbone_period = 0;
-  const SlamStatistics a = run(keeping), b = run(pruning);
-  CHECK(a.pruned == 0);
-  CHECK(a.gaussians == a.inserted);
-  CHECK(b.pruned > 0);
-  CHECK(b.gaussians == b.inserted - b.pruned);
-  // What was kept is whose it was: every uid once, ascending.
-  const std::uint32_t* uid = pruning.map().statistics.uid.data();
-  CHECK(std::is_sorted(uid, uid + b.gaussians));
-  CHECK(std::adjacent_find(uid, uid + b.gaussians) == uid + b.gaussians);
-}
-
 TEST_CASE("the schedule says how often features are stepped") {
   SlamSettings settings = test::small_settings();  // 8 frames of 3 iterations
   LangGsSlam<kDim, 3, NoPruning, JointSchedule> joint(scene().room.camera(), settings);
@@ -102,20 +71,6 @@ TEST_CASE("the schedule says how often features are stepped") {
   eager.schedule.feature_every = 1000;
   const SlamStatistics e = run(eager);
   CHECK(e.feature_iterations == e.keyframes);  // each at its first visit; iteration 0 is one
-}
-
-TEST_CASE("features can be rendered by full blending instead of Top-K") {
-  SlamSettings settings = test::small_settings();
-  LangGsSlam<kDim> topk(scene().room.camera(), settings);
-  settings.mapping.feature_rendering = FeatureRendering::blend;
-  LangGsSlam<kDim> blend(scene().room.camera(), settings);
-  const SlamStatistics a = run(topk), b = run(blend);
-  CHECK(b.feature_iterations == a.feature_iterations);
-  REQUIRE(b.gaussians == a.gaussians);  // the fields are decoupled: geometry is the same
-  CHECK(std::equal(topk.map().geometry().plane(kMeanX), topk.map().geometry().plane(kMeanX) + a.gaussians,
-                   blend.map().geometry().plane(kMeanX)));
-  CHECK_FALSE(std::equal(topk.map().features().data(), topk.map().features().data() + a.gaussians * kDim,
-                         blend.map().features().data()));
 }
 
 TEST_CASE("a user's own pruning and schedule are called") {

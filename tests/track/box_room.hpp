@@ -5,10 +5,12 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "langgs/core/rng.hpp"
 #include "langgs/frame/rgbd_frame.hpp"
+#include "langgs/track/gicp_target.hpp"
 
 /// @file An analytic scene for the tracking tests: the inside of a 1.8 x 1.4 x 4.4 m box, with a smaller box standing
 /// in it.
@@ -66,6 +68,12 @@ inline std::vector<Eigen::Vector3f> sample_box_room(int n, std::uint64_t seed) {
     points.emplace_back((p + centre).cast<float>());
   }
   return points;
+}
+
+/// Points as a target without shapes.
+inline GicpTarget isotropic_target(std::vector<Eigen::Vector3f> means) {
+  const std::size_t n = means.size();
+  return GicpTarget(std::move(means), std::vector<Eigen::Matrix3f>(n, kIsotropicTarget * Eigen::Matrix3f::Identity()));
 }
 
 /// A random rigid motion: uniform direction and axis, magnitudes uniform up to the given ones.

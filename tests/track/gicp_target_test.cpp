@@ -9,15 +9,7 @@
 #include "track/box_room.hpp"
 
 using namespace langgs;
-
-namespace {
-
-GicpTarget isotropic_target(std::vector<Eigen::Vector3f> means) {
-  const std::size_t n = means.size();
-  return GicpTarget(std::move(means), std::vector<Eigen::Matrix3f>(n, kIsotropicTarget * Eigen::Matrix3f::Identity()));
-}
-
-}  // namespace
+using test::isotropic_target;
 
 static_assert(!std::is_copy_constructible_v<GicpTarget> && std::is_move_constructible_v<GicpTarget>);
 
