@@ -10,7 +10,7 @@ add_test(NAME cuda.compile
          COMMAND bash "${CMAKE_CURRENT_SOURCE_DIR}/checks/compile_cuda.sh" "${LANGGS_NVCC}" "${PROJECT_BINARY_DIR}/cuda"
                  "${eigen_include}"
          WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-set_tests_properties(cuda.compile PROPERTIES LABELS cuda TIMEOUT 900 SKIP_RETURN_CODE 77)
+set_tests_properties(cuda.compile PROPERTIES LABELS cuda TIMEOUT 900 SKIP_RETURN_CODE 77 COST 100)  # long: goes first
 
 if(LANGGS_ENABLE_CUDA)
   if(NOT LANGGS_NVCC)

@@ -4,7 +4,7 @@
 # langgs_add_build_test(<test> <target>): a CTest that builds a target of this build tree.
 function(langgs_add_build_test name target)
   add_test(NAME ${name} COMMAND "${CMAKE_COMMAND}" --build "${PROJECT_BINARY_DIR}" --config $<CONFIG> --target ${target})
-  set_tests_properties(${name} PROPERTIES LABELS check TIMEOUT 900 RESOURCE_LOCK build_tree)
+  set_tests_properties(${name} PROPERTIES LABELS check TIMEOUT 900 RESOURCE_LOCK build_tree COST 50)
 endfunction()
 
 # Every public header compiles alone, and twice. Headers under cuda/ need nvcc: see tests/checks/compile_cuda.sh.
