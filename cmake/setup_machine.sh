@@ -9,7 +9,7 @@ needed=(g++ cmake ninja-build libeigen3-dev libnanoflann-dev libthrust-dev docte
         nlohmann-json3-dev libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev)
 # Compiling and linking with sanitizers needs only g++; clang is the second compiler, clang-format 14 defines our format.
 optional=()
-[[ ${1:-} == --tests ]] && optional=(clang clang-format-14)
+[[ ${1:-} == --tests ]] && optional=(clang clang-format-14 libbenchmark-dev)
 
 if ! command -v dpkg-query >/dev/null; then
   echo "This is neither Debian nor Ubuntu: nothing was installed. The Debian names of what is needed:" >&2

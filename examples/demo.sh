@@ -10,7 +10,7 @@ bash cmake/setup_machine.sh
 generator=()
 command -v ninja >/dev/null && generator=(-G Ninja)
 mkdir -p build
-echo "Building langgs_slam (about a minute)"
+echo "Building langgs_slam (a few minutes)"
 if ! { cmake -S . -B build/demo "${generator[@]}" -DCMAKE_BUILD_TYPE=Release -DLANGGS_BUILD_TESTS=OFF \
          -DLANGGS_BUILD_BENCHMARKS=OFF -DLANGGS_WARNINGS_AS_ERRORS=OFF &&
        cmake --build build/demo --parallel "${LANGGS_JOBS:-$(nproc)}" --target langgs_slam; } >build/demo.log 2>&1; then
