@@ -16,8 +16,9 @@ inline constexpr int kElementsPerBlock = 128;
 /// What a block may have without asking the driver for more.
 inline constexpr std::size_t kMaxSharedBytes = 48 * 1024;
 
+// One block a multiprocessor is asked for: left to guess, ptxas lowers the registers for occupancy until some spill.
 template <class Kernel>
-__global__ void __launch_bounds__(Kernel::kThreads) run_blocks(const Kernel kernel) {
+__global__ void __launch_bounds__(Kernel::kThreads, 1) run_blocks(const Kernel kernel) {
   using Block = cuda::Block<Kernel::kThreads>;
   using Shared = typename Kernel::template Shared<Block>;
   static_assert(sizeof(Shared) <= kMaxSharedBytes, "a kernel's Shared must fit 48 KiB; make its batches smaller");

@@ -104,12 +104,16 @@ struct FeatureUpdate {
           const float w = weight[hits[h]];
           gradient += select(warp.unballot(signs[static_cast<std::ptrdiff_t>(p) * kWords + c / 32]), F(w), F(-w));
         }
-        F m = warp.load(first + row + c), v = warp.load(second + row + c);
+        // Never beyond the row: the next one belongs to another warp.
+        const auto take = [&](const float* base) {
+          return warp.template load_rect<32>(base + row + c, 0, FeatDim - c, 1, 0.f);
+        };
+        F m = take(first), v = take(second);
         const F step = rule.direction(gradient * scale, m, v);
         const auto put = [&](float* base, const F& value) {
           warp.template store_rect<32>(base + row + c, 0, FeatDim - c, 1, value);
         };
-        put(features, warp.load(features + row + c) - rate * step);
+        put(features, take(features) - rate * step);
         put(first, m);
         put(second, v);
       }

@@ -53,17 +53,18 @@ struct SsimRows {
   }
 
  private:
-  template <class V, class Warp, int... I>
-  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int first, std::integer_sequence<int, I...>) const {
+  template <class V, class Warp, int... kTap>
+  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int first, std::integer_sequence<int, kTap...>) const {
     V sum(0.f);
-    ((sum += values.load(first + I, warp) * ssim_tap(I)), ...);
+    ((sum += values.load(first + kTap, warp) * ssim_tap(kTap)), ...);
     return sum;
   }
-  template <class V, class Warp, int... I>
-  LANGGS_INLINE void filter(const Warp& warp, int first, V& mean, V& square, std::integer_sequence<int, I...>) const {
+  template <class V, class Warp, int... kTap>
+  LANGGS_INLINE void filter(const Warp& warp, int first, V& mean, V& square,
+                            std::integer_sequence<int, kTap...>) const {
     mean = V(0.f), square = V(0.f);
     V x;
-    ((x = values.load(first + I, warp), mean += x * ssim_tap(I), square += (x * x) * ssim_tap(I)), ...);
+    ((x = values.load(first + kTap, warp), mean += x * ssim_tap(kTap), square += (x * x) * ssim_tap(kTap)), ...);
   }
 };
 
@@ -84,10 +85,11 @@ struct SsimRing {
 
  private:
   [[nodiscard]] LANGGS_INLINE static int wrapped(int slot) { return slot < kSsimRing ? slot : slot - kSsimRing; }
-  template <class V, class Warp, int... I>
-  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int top, int column, std::integer_sequence<int, I...>) const {
+  template <class V, class Warp, int... kTap>
+  [[nodiscard]] LANGGS_INLINE V filter(const Warp& warp, int top, int column,
+                                       std::integer_sequence<int, kTap...>) const {
     V sum(0.f);
-    ((sum += values.load(wrapped(top + I) * kSsimWindows + column, warp) * ssim_tap(I)), ...);
+    ((sum += values.load(wrapped(top + kTap) * kSsimWindows + column, warp) * ssim_tap(kTap)), ...);
     return sum;
   }
 };

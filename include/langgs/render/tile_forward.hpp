@@ -120,7 +120,7 @@ struct TileForward {
       pixels.store(warp, out.colour + 2 * plane, blue.load(warp));
       pixels.store(warp, out.depth, depth.load(warp));
       pixels.store(warp, out.transmittance, abs(transmittance.load(warp)));
-      if constexpr (K > 0) store_topk(block, warp, pixels, topk.load(warp), begin);
+      if constexpr (K > 0) store_topk(block, warp, pixels, topk.load(warp));
     });
     if constexpr (K > 0) {
       block.sync();
@@ -168,7 +168,8 @@ struct TileForward {
 
   template <class Block>
   LANGGS_INLINE void store_topk(const Block& block, const typename Block::Warp& warp, const WarpPixels<Block>& pixels,
-                                const TopK<(K > 0 ? K : 1), Block>& best, int begin) const {
+                                const TopK<(K > 0 ? K : 1), Block>& best) const {
+    const std::int32_t begin = instances.tile_begin[block.index()];
     const std::ptrdiff_t plane = static_cast<std::ptrdiff_t>(grid.width) * grid.height;
     for (int k = 0; k < K; ++k) {
       const auto filled = best.id[k] >= 0;
