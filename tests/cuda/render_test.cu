@@ -80,16 +80,17 @@ TEST_CASE("Rendering with Top-K on CUDA equals the host's") {
   const DeviceScene device(host);
   const Executor<Cuda> executor;
   const std::size_t n = host.view.camera.num_pixels(), num_instances = host.sorted_slot.size();
-  DeviceArray<float> planes(5 * n), topk_weight(kTestK * n), instance_max_weight(num_instances, 0);
-  DeviceArray<std::int32_t> topk_id(kTestK * n), instance_gaussian(num_instances + 1), instance_count(num_instances, 0);
+  const std::size_t num_places = num_instances + static_cast<std::size_t>(host.grid.count());
+  DeviceArray<float> planes(5 * n), topk_weight(kTestK * n), place_max_weight(num_places);
+  DeviceArray<std::int32_t> topk_id(kTestK * n), place_gaussian(num_places), place_count(num_places);
   DeviceArray<InstanceStatistics> slot(num_instances);
   const RenderPlanes out{planes.data(), planes.data() + 3 * n, planes.data() + 4 * n};
   launch(executor, host.grid.count(),
          TileForward<kTestK>{host.grid,
                              device.instances(),
                              out,
-                             {topk_id.data(), topk_weight.data(), instance_gaussian.data(), instance_count.data(),
-                              instance_max_weight.data(), slot.data()}});
+                             {topk_id.data(), topk_weight.data(), slot.data(), place_gaussian.data(),
+                              place_count.data(), place_max_weight.data()}});
   executor.synchronize();
   CHECK(num_far(planes.values(), host.planes, 1e-4, 1e-4) <= 2);
   CHECK(num_far(planes.values(), host.planes, 0.05, 0.) == 0);
@@ -130,7 +131,7 @@ TEST_CASE("Gradients on CUDA equal the host's") {
   const Executor<Cuda> executor;
   const std::size_t n = host.view.camera.num_pixels(), num_splats = host.splats.size();
   DeviceArray<float> planes(host.planes), upstream(host.upstream);
-  DeviceArray<float> slot_sums(host.sorted_slot.size() * kNumSplatSums), gradient(kNumPlanes * num_splats),
+  DeviceArray<float> slot_sums(host.sorted_slot.size() * kSplatSumStride), gradient(kNumPlanes * num_splats),
       pose(6 * num_splats);
   launch(executor, host.grid.count(),
          TileBackward{host.grid,

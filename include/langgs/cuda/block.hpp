@@ -7,6 +7,7 @@
 #include "langgs/core/config.hpp"
 #include "langgs/core/half.hpp"
 #include "langgs/device/math.hpp"
+#include "langgs/device/ordered_insert.hpp"
 
 /// @file The CUDA twin of host/block.hpp, name for name. A lane is a thread, so `Varying<T>` is a plain T and a mask is
 /// a bool. See device/block.hpp for the rules.
@@ -132,6 +133,30 @@ class Warp {
   int index_, lane_;
 };
 
+/// For each thread the K largest of the values that its warp was offered, with their tags. In registers: an offer is
+/// inserted at once.
+template <int K>
+class KLargest {
+ public:
+  __device__ __forceinline__ void clear(const Warp&) {
+#pragma unroll
+    for (int k = 0; k < K; ++k) {
+      value_[k] = 0;
+      tag_[k] = 0;
+    }
+  }
+  __device__ __forceinline__ void offer(const Warp& warp, float value, std::int32_t tag) {
+    if (warp.any(value > value_[K - 1])) ordered_insert(value_, tag_, value, tag);
+  }
+  __device__ __forceinline__ void settle(const Warp&) {}
+  [[nodiscard]] __device__ __forceinline__ float value(const Warp&, int k) const { return value_[k]; }
+  [[nodiscard]] __device__ __forceinline__ std::int32_t tag(const Warp&, int k) const { return tag_[k]; }
+
+ private:
+  float value_[K];
+  std::int32_t tag_[K];
+};
+
 /// kThreads threads that share memory and meet at `sync`.
 template <int kThreads_>
 class Block {
@@ -147,6 +172,8 @@ class Block {
   using Warp = cuda::Warp;
   template <class T, int N>
   using SharedArray = cuda::SharedArray<T, N>;
+  template <int K, int kOffers>
+  using KLargest = cuda::KLargest<K>;
 
   /// One value for each thread that lives across phases: a register.
   template <class T>
@@ -196,12 +223,17 @@ class Block {
       const float most = item.warp().max(value);
       if (item.warp().lane_index() == 0) rows_[item.warp().index()][0][item.index()] = most;
     }
-    /// What was put for item i. Only after a `sync`; `warps` are those of the item, at least one.
-    [[nodiscard]] __device__ __forceinline__ float sum(int i, int v, WarpRange warps) const {
-      float total = 0;
-      for (int w = warps.first; w <= warps.last; ++w) total += rows_[w][v][i];
-      return total;
+    /// Writes the sums that were put for item i, or zeros if no warp did, to the first N of the 16 floats at `line`.
+    /// Only after a `sync`; `warps` are those of the item.
+    __device__ __forceinline__ void write_sums(int i, WarpRange warps, float* line) const {
+#pragma unroll
+      for (int v = 0; v < N; ++v) {
+        float total = 0;
+        for (int w = warps.first; w <= warps.last; ++w) total += rows_[w][v][i];
+        line[v] = total;
+      }
     }
+    /// The maximum that was put for item i. Only after a `sync`; `warps` are those of the item, at least one.
     [[nodiscard]] __device__ __forceinline__ float max(int i, WarpRange warps) const {
       float most = rows_[warps.first][0][i];
       for (int w = warps.first + 1; w <= warps.last; ++w) most = most > rows_[w][0][i] ? most : rows_[w][0][i];
@@ -261,9 +293,11 @@ class Block {
   [[nodiscard]] __device__ __forceinline__ bool all(MaskOf&& mask_of) {
     return __syncthreads_and(mask_of(Warp(static_cast<int>(threadIdx.x)))) != 0;
   }
-  /// Adds 1 to counters[index] for each lane where `wanted`. Integers commute: the order does not matter.
-  __device__ __forceinline__ void count(std::int32_t* counters, std::int32_t index, Mask wanted) const {
-    if (wanted) atomicAdd(counters + index, 1);
+  /// Adds 1 to counters[indices[i]] for each i. Integers commute: the order does not matter.
+  template <int N>
+  __device__ __forceinline__ void count(std::int32_t* counters, const std::int32_t (&indices)[N]) const {
+#pragma unroll
+    for (int i = 0; i < N; ++i) atomicAdd(counters + indices[i], 1);
   }
 };
 
@@ -291,14 +325,14 @@ class Lanes {
   [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index) const {
     return base[index];
   }
-  /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * N + v], in row order.
-  template <int N>
+  /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * kStride + v], in row order.
+  template <int kStride, int N>
   __device__ __forceinline__ void sum_segments(const std::int32_t* begin, const float* rows, float (&sums)[N]) const {
 #pragma unroll
     for (int v = 0; v < N; ++v) sums[v] = 0;
     for (std::int32_t r = begin[index_]; r < begin[index_ + 1]; ++r) {
 #pragma unroll
-      for (int v = 0; v < N; ++v) sums[v] += rows[static_cast<std::ptrdiff_t>(r) * N + v];
+      for (int v = 0; v < N; ++v) sums[v] += rows[static_cast<std::ptrdiff_t>(r) * kStride + v];
     }
   }
   template <class T>

@@ -18,6 +18,7 @@ LANGGS_INLINE float max(float a, float b) { return a > b ? a : b; }
 LANGGS_INLINE int min(int a, int b) { return a < b ? a : b; }
 LANGGS_INLINE int max(int a, int b) { return a > b ? a : b; }
 LANGGS_INLINE float abs(float a) { return a < 0 ? -a : a; }
+LANGGS_INLINE float negative_abs(float a) { return a < 0 ? a : -a; }
 LANGGS_INLINE float exp(float x) { return ::expf(max(x, -87.f)); }
 LANGGS_INLINE float exp256(float x) { return ::exp2f(8.f * x); }
 LANGGS_INLINE float log(float x) { return ::logf(x); }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <type_traits>
 
 #include "langgs/core/error.hpp"
 #include "langgs/core/rng.hpp"
 #include "langgs/host/backend.hpp"
+#include "langgs/host/k_largest.hpp"
 #include "langgs/host/lanes.hpp"
 #include "langgs/host/shared_array.hpp"
 #include "langgs/host/warp.hpp"
@@ -62,6 +62,8 @@ class Block {
   using Warp = host::Warp<kThreads, kChecked>;
   template <class T, int N>
   using SharedArray = host::SharedArray<T, N, kChecked>;
+  template <int K, int kOffers>
+  using KLargest = host::KLargest<K, kOffers, Warp, kWarps>;
 
   /// One value for each thread that lives across phases: a register on CUDA, an aligned row here.
   template <class T>
@@ -122,8 +124,16 @@ class Block {
       static_assert(N == 1);
       totals_.set(item.index(), reduce_max(value));
     }
-    /// What was put for item i. Only after a `sync`; `warps` are those of the item, at least one.
-    [[nodiscard]] LANGGS_INLINE float sum(int i, int v, WarpRange) const { return totals_[i * N + v]; }
+    /// Writes the sums that were put for item i, or zeros if no warp did, to the first N of the 16 floats at `line`.
+    /// Only after a `sync`; `warps` are those of the item.
+    LANGGS_INLINE void write_sums(int i, WarpRange warps, float* line) const {
+      static_assert(N <= 16);
+      alignas(64) float sums[16] = {};
+      if (warps.first <= warps.last)
+        for (int v = 0; v < N; ++v) sums[v] = totals_[i * N + v];
+      stream_line(sums, line);
+    }
+    /// The maximum that was put for item i. Only after a `sync`; `warps` are those of the item, at least one.
     [[nodiscard]] LANGGS_INLINE float max(int i, WarpRange) const { return totals_[i]; }
 
    private:
@@ -194,18 +204,15 @@ class Block {
     for (int w = 0; w < kWarps; ++w) result = result && host::all(mask_of(Warp(w)));
     return result;
   }
-  /// Adds 1 to counters[index] for each lane where `wanted`. Only this block may touch these counters meanwhile;
-  /// integers commute, so the result does not depend on the order.
-  LANGGS_INLINE void count(std::int32_t* counters, const Varying<std::int32_t>& index, const Mask& wanted) const {
-    // Neighbouring pixels often count the same: once for each value is faster than once for each lane.
-    alignas(64) std::int32_t where[kLanes];
-    index.store(where);
-    for (std::uint32_t left = bits_of(wanted); left != 0;) {
-      const std::int32_t chosen = where[std::countr_zero(left)];
-      const std::uint32_t same = bits_of(index == chosen) & left;
-      counters[chosen] += std::popcount(same);
-      left &= ~same;
-    }
+  /// Adds 1 to counters[indices[i]] for each lane and i. Only this block may touch these counters meanwhile; integers
+  /// commute, so the result does not depend on the order.
+  template <int N>
+  LANGGS_INLINE void count(std::int32_t* counters, const Varying<std::int32_t> (&indices)[N]) const {
+    alignas(64) std::int32_t where[N][kLanes];
+    for (int i = 0; i < N; ++i) indices[i].store(where[i]);
+    // Neighbouring lanes often count the same, and each addition waits for the one before: take turns.
+    for (int lane = 0; lane < kLanes; ++lane)
+      for (int i = 0; i < N; ++i) ++counters[where[i][lane]];
   }
 
  private:

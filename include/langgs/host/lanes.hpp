@@ -45,14 +45,14 @@ class Lanes {
     }
     return Varying<T>::load(lanes);
   }
-  /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * N + v], in row order.
-  template <int N>
+  /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * kStride + v], in row order.
+  template <int kStride, int N>
   LANGGS_INLINE void sum_segments(const std::int32_t* begin, const float* rows, Varying<float> (&sums)[N]) const {
     alignas(64) float lanes[N][kLanes] = {};
     for (int i = 0; i < count_; ++i) {
       float total[N] = {};
       for (std::int32_t r = begin[first_ + i]; r < begin[first_ + i + 1]; ++r)
-        for (int v = 0; v < N; ++v) total[v] += rows[static_cast<std::ptrdiff_t>(r) * N + v];
+        for (int v = 0; v < N; ++v) total[v] += rows[static_cast<std::ptrdiff_t>(r) * kStride + v];
       for (int v = 0; v < N; ++v) lanes[v][i] = total[v];
     }
     for (int v = 0; v < N; ++v) sums[v] = Varying<float>::load(lanes[v]);

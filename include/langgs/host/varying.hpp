@@ -43,6 +43,24 @@ inline constexpr int kNativeBytes = 16;
 
 inline constexpr int kNumParts = kLanes * 4 / kNativeBytes;
 
+namespace detail {
+
+/// Stores a native vector past the caches, where the machine can. `to` is aligned to it.
+template <class Native>
+LANGGS_INLINE void stream(const Native& v, void* to) {
+#if defined(__AVX512F__)
+  _mm512_stream_si512(static_cast<__m512i*>(to), reinterpret_cast<__m512i>(v));
+#elif defined(__AVX__)
+  _mm256_stream_si256(static_cast<__m256i*>(to), reinterpret_cast<__m256i>(v));
+#elif defined(__SSE__)
+  _mm_stream_si128(static_cast<__m128i*>(to), reinterpret_cast<__m128i>(v));
+#else
+  *static_cast<Native*>(to) = v;
+#endif
+}
+
+}  // namespace detail
+
 /// 32 values of a 4-byte arithmetic type, one per lane. Masks are Varying<int32_t> with lanes 0 or -1.
 template <class T>
 struct alignas(64) Varying {
@@ -81,6 +99,15 @@ struct alignas(64) Varying {
     static_assert(kColumns % kNativeLanes == 0);
     LANGGS_FOR_PARTS* reinterpret_cast<Unaligned*>(values + i * kNativeLanes / kColumns * pitch +
                                                    i * kNativeLanes % kColumns) = part[i];
+  }
+  /// The same past the caches, for what is not read soon: a store into a line that is not cached would load it first.
+  template <int kColumns>
+  LANGGS_INLINE void stream_rows(T* values, std::ptrdiff_t pitch) const {
+    static_assert(kColumns % kNativeLanes == 0);
+    if ((reinterpret_cast<std::uintptr_t>(values) | static_cast<std::uintptr_t>(pitch) * sizeof(T)) % kNativeBytes != 0)
+      return store_rows<kColumns>(values, pitch);
+    LANGGS_FOR_PARTS detail::stream(part[i],
+                                    values + i * kNativeLanes / kColumns * pitch + i * kNativeLanes % kColumns);
   }
   [[nodiscard]] LANGGS_INLINE T lane(int i) const { return part[i / kNativeLanes][i % kNativeLanes]; }
 };
@@ -212,6 +239,11 @@ LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
 LANGGS_INLINE Varying<std::int32_t> abs(const Varying<std::int32_t>& a) { return max(a, -a); }
 LANGGS_INLINE Varying<float> abs(const Varying<float>& a) {
   return bit_cast<float>(bit_cast<std::int32_t>(a) & 0x7FFFFFFF);
+}
+
+/// -|a|.
+LANGGS_INLINE Varying<float> negative_abs(const Varying<float>& a) {
+  return bit_cast<float>(bit_cast<std::int32_t>(a) | INT32_MIN);
 }
 
 template <class To, class From>
@@ -381,27 +413,37 @@ LANGGS_INLINE T reduce_max(const Varying<T>& a) {
   return detail::reduce(
       a, [](auto x, auto y) __attribute__((always_inline)) { return x > y ? x : y; });
 }
+namespace detail {
+
+/// Bit l is set where lane l of one native vector of a mask is.
+LANGGS_INLINE std::uint32_t bits_of_part(const Mask::Native& part) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi32_mask(reinterpret_cast<__m512i>(part), reinterpret_cast<__m512i>(part));
+#elif defined(__AVX__)
+  return static_cast<std::uint32_t>(_mm256_movemask_ps(reinterpret_cast<__m256>(part)));
+#elif defined(__SSE__)
+  return static_cast<std::uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(part)));
+#else
+  std::uint32_t bits = 0;
+  for (int l = 0; l < Mask::kNativeLanes; ++l) bits |= (part[l] & 1u) << l;
+  return bits;
+#endif
+}
+
+}  // namespace detail
+
 /// Bit l is set where the mask holds in lane l.
 [[nodiscard]] LANGGS_INLINE std::uint32_t bits_of(const Mask& mask) {
   std::uint32_t bits = 0;
-  LANGGS_FOR_PARTS {
-#if defined(__AVX512F__)
-    const auto part = reinterpret_cast<__m512i>(mask.part[i]);
-    const std::uint32_t some = _mm512_test_epi32_mask(part, part);
-#elif defined(__AVX__)
-    const std::uint32_t some = _mm256_movemask_ps(reinterpret_cast<__m256>(mask.part[i]));
-#elif defined(__SSE__)
-    const std::uint32_t some = _mm_movemask_ps(reinterpret_cast<__m128>(mask.part[i]));
-#else
-    std::uint32_t some = 0;
-    for (int l = 0; l < Mask::kNativeLanes; ++l) some |= (mask.part[i][l] & 1u) << l;
-#endif
-    bits |= some << (i * Mask::kNativeLanes);
-  }
+  LANGGS_FOR_PARTS bits |= detail::bits_of_part(mask.part[i]) << (i * Mask::kNativeLanes);
   return bits;
 }
-[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) { return bits_of(mask) != 0; }
-[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) { return bits_of(mask) == 0xFFFFFFFFu; }
+[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) {
+  auto joined = mask.part[0];
+  for (int i = 1; i < kNumParts; ++i) joined |= mask.part[i];
+  return detail::bits_of_part(joined) != 0;
+}
+[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) { return !any(!mask); }
 
 namespace detail {
 
@@ -425,6 +467,15 @@ LANGGS_INLINE void fold_all(V (&v)[N]) {
 }
 
 }  // namespace detail
+
+/// Copies 16 floats to a cache line that is not read soon.
+LANGGS_INLINE void stream_line(const float* from, float* to) {
+  for (int i = 0; i < 64 / kNativeBytes; ++i) {
+    Varying<float>::Native v;
+    std::memcpy(&v, from + i * kNativeBytes / 4, kNativeBytes);
+    detail::stream(v, to + i * kNativeBytes / 4);
+  }
+}
 
 /// sums[i] = reduce_sum(values[i]), all at once: the tree of reduce_sum, in a fraction of its shuffles.
 template <int N>

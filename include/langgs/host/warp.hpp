@@ -115,7 +115,7 @@ class Warp {
   }
   template <int kColumns, class T>
   LANGGS_INLINE void store_rect(T* base, std::ptrdiff_t pitch, int columns, int rows, const Varying<T>& v) const {
-    if (columns >= kColumns && rows >= kLanes / kColumns) return v.template store_rows<kColumns>(base, pitch);
+    if (columns >= kColumns && rows >= kLanes / kColumns) return v.template stream_rows<kColumns>(base, pitch);
     alignas(64) T lanes[kLanes];
     v.store(lanes);
     for (int r = 0; r < std::min(rows, kLanes / kColumns); ++r)

@@ -43,13 +43,13 @@ struct Footprint {
 
   V dy;         ///< splat mean minus pixel [px]
   V log_alpha;  ///< to the base 256, not bounded
-  V alpha;      ///< in [kMinAlpha, kMaxAlpha], meaningful where visible
+  V alpha;      ///< at most kMaxAlpha, meaningful where visible
 
   LANGGS_INLINE Footprint(const Splat& s, const SplatColumn<V>& column, const V& row) {
     dy = s.y - row;
     log_alpha = column.level - (s.half_yy * dy + column.slope) * dy;
     // The upper bound also takes the rounding of a conic that is positive definite only in exact arithmetic.
-    alpha = exp256(min(max(log_alpha, kMinLog), kMaxLog));
+    alpha = exp256(min(log_alpha, kMaxLog));
   }
   [[nodiscard]] LANGGS_INLINE auto is_visible() const { return log_alpha >= kMinLog; }
   [[nodiscard]] LANGGS_INLINE auto is_clamped() const { return log_alpha >= kMaxLog; }
@@ -62,12 +62,12 @@ struct BlendStep {
   V next_transmittance;
 
   LANGGS_INLINE BlendStep(const Footprint<V>& at, const V& transmittance) {
-    const V candidate = at.alpha * transmittance;
+    const V candidate = select(at.is_visible(), at.alpha, V(0.f)) * transmittance;
     const V remaining = transmittance - candidate;
-    const auto visible = at.is_visible();
-    const auto goes_on = remaining >= RasterConstants::kMinTransmittance;  // never where stopped
-    weight = select(visible & goes_on, candidate, V(0.f));
-    next_transmittance = select(visible, select(goes_on, remaining, -abs(transmittance)), transmittance);
+    // Never where stopped; always where the splat is skipped, which leaves the transmittance as it is.
+    const auto goes_on = remaining >= RasterConstants::kMinTransmittance;
+    weight = select(goes_on, candidate, V(0.f));
+    next_transmittance = select(goes_on, remaining, negative_abs(transmittance));
   }
 };
 

@@ -95,7 +95,7 @@ struct RecordHits {
     const F columns = pixel_columns(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
-      const F row = PixelRows<Block>(grid, block).of(warp);
+      const F row = pixel_rows(grid, block, warp);
       F T = pixels.initial_transmittance(warp);
       Int hits(0), place(0);
       if (begin != nullptr) place = pixels.load(warp, begin, 0);

@@ -18,7 +18,7 @@ struct GatherGradient {
   View view;
   const std::int32_t* gaussian;    ///< [V]
   const std::int32_t* slot_begin;  ///< [V + 1]
-  const float* slot_sums;          ///< [I, kNumSplatSums]
+  const float* slot_sums;          ///< [I, kSplatSumStride]
   PlanesView out;                  ///< [14, V]
   float* pose;                     ///< [6, V] contributions to [rho; theta]
 
@@ -29,7 +29,7 @@ struct GatherGradient {
     const Projection<F> p(GaussianParameters<F>::read([&](int plane) { return lanes.gather(map.plane(plane), who); }),
                           view);
     F sums[kNumSplatSums];
-    lanes.sum_segments(slot_begin, slot_sums, sums);
+    lanes.template sum_segments<kSplatSumStride>(slot_begin, slot_sums, sums);
     const ProjectionGradient<F> g(p, view, sums);
     const auto put = [&](int plane, const F& v) { lanes.store(out.plane(plane), v); };
     for (int a = 0; a < 3; ++a) {

@@ -27,6 +27,8 @@ enum SplatSum : int {
   kSumDepth,
   kNumSplatSums
 };
+/// Floats from the sums of one instance to those of the next: a cache line, so that each is written as a whole.
+inline constexpr int kSplatSumStride = 16;
 
 /// Backward pass of the blending, front to back: the transmittance is recomputed by multiplication and the colour
 /// behind a splat is the final value minus what has been blended so far. Each instance row has one writer, so no
@@ -45,7 +47,7 @@ struct TileBackward {
   InstanceView instances;
   RenderPlanes rendered;
   RenderGradient gradient;
-  float* slot_sums = nullptr;  ///< [num_instances, kNumSplatSums] by slot
+  float* slot_sums = nullptr;  ///< [num_instances, kSplatSumStride] by slot, aligned to 64 bytes
 
   template <class Block>
   LANGGS_HD void operator()(Block& block, Shared<Block>& shared) const {
@@ -53,10 +55,9 @@ struct TileBackward {
     const int begin = instances.tile_begin[block.index()], end = instances.tile_begin[block.index() + 1];
     if (begin == end) return;
     // `behind` is the part of dL/dC . C + dL/dD D that is not blended yet.
-    typename Block::template PerThread<float> transmittance, behind, up_red, up_green, up_blue, up_depth;
+    typename Block::template PerThread<float> rows, transmittance, behind, up_red, up_green, up_blue, up_depth;
     typename Block::template PerWarp<bool> is_live;
     const F columns = pixel_columns(grid, block);
-    const PixelRows<Block> rows(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
       const std::ptrdiff_t plane = static_cast<std::ptrdiff_t>(grid.width) * grid.height;
@@ -71,6 +72,7 @@ struct TileBackward {
       take(up_blue, gradient.colour + 2 * plane, rendered.colour + 2 * plane);
       take(up_depth, gradient.depth, rendered.depth);
       behind.store(warp, sum);
+      rows.store(warp, pixel_rows(grid, block, warp));
       transmittance.store(warp, pixels.initial_transmittance(warp));
     });
 
@@ -88,7 +90,7 @@ struct TileBackward {
             item.warps([&](const auto& warp) LANGGS_INLINE_LAMBDA {
               if (!is_live.load(warp)) return;
               const F T = transmittance.load(warp);
-              const Footprint<F> at(s, column, rows.of(warp));
+              const Footprint<F> at(s, column, rows.load(warp));
               const BlendStep<F> step(at, T);
               transmittance.store(warp, step.next_transmittance);
               const F r = up_red.load(warp), g = up_green.load(warp), b = up_blue.load(warp), d = up_depth.load(warp);
@@ -114,10 +116,7 @@ struct TileBackward {
           });
       block.sync();
       block.threads(n, [&](auto thread) {
-        const WarpRange warps = shared.batch.warps(thread.index);
-        float* const out = sums_of(first + thread.index);
-        for (int sum = 0; sum < kNumSplatSums; ++sum)
-          out[sum] = warps.last < warps.first ? 0.f : shared.sums.sum(thread.index, sum, warps);
+        shared.sums.write_sums(thread.index, shared.batch.warps(thread.index), sums_of(first + thread.index));
       });
       goes_on = !block.all([&](const auto& warp) { return transmittance.load(warp) < 0.f; });
     }
@@ -131,7 +130,7 @@ struct TileBackward {
 
  private:
   [[nodiscard]] LANGGS_INLINE float* sums_of(int instance) const {
-    return slot_sums + static_cast<std::ptrdiff_t>(instances.sorted_slot[instance]) * kNumSplatSums;
+    return slot_sums + static_cast<std::ptrdiff_t>(instances.sorted_slot[instance]) * kSplatSumStride;
   }
 };
 

@@ -36,23 +36,14 @@ template <class Block>
          static_cast<float>(block.index() % grid.columns * TileGrid::kSize);
 }
 
-/// The pixel rows of the warps of a tile, one a lane.
+/// The pixel rows of a warp of a tile, one a lane.
 template <class Block>
-class PixelRows {
- public:
-  LANGGS_INLINE PixelRows(const TileGrid& grid, const Block& block)
-      : first_(static_cast<float>(block.index() / grid.columns * TileGrid::kSize)) {
-    const auto lane = block.lane_index();
-    in_warp_ = to_float(lane - (lane & (TileGrid::kSize - 1))) * (1.f / TileGrid::kSize);
-  }
-  [[nodiscard]] LANGGS_INLINE VaryingOf<float, Block> of(const typename Block::Warp& warp) const {
-    return in_warp_ + (first_ + static_cast<float>(warp.index() * TileGrid::kRowsPerWarp));
-  }
-
- private:
-  float first_;
-  VaryingOf<float, Block> in_warp_;
-};
+[[nodiscard]] LANGGS_INLINE VaryingOf<float, Block> pixel_rows(const TileGrid& grid, const Block& block,
+                                                               const typename Block::Warp& warp) {
+  const auto lane = block.lane_index();
+  return to_float(lane - (lane & (TileGrid::kSize - 1))) * (1.f / TileGrid::kSize) +
+         static_cast<float>(block.index() / grid.columns * TileGrid::kSize + warp.index() * TileGrid::kRowsPerWarp);
+}
 
 /// The pixels of one warp of one tile.
 template <class Block>

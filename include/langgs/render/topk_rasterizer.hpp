@@ -47,7 +47,7 @@ class TopKRasterizer {
   /// given the same map and view.
   void backward(const Executor<Backend>& executor, const PlanesView& map, const View& view,
                 const RenderGradient& upstream, MapGradient<Backend>& gradient) {
-    slot_sums_.resize_discard(static_cast<std::size_t>(splats_.num_instances()) * kNumSplatSums);
+    slot_sums_.resize_discard(static_cast<std::size_t>(splats_.num_instances()) * kSplatSumStride);
     launch(executor, splats_.grid().count(),
            TileBackward{splats_.grid(), splats_.instances(), rendered(), upstream, slot_sums_.data()});
     gradient.from_slot_sums(executor, map, view, splats_, slot_sums_.data());
@@ -69,17 +69,14 @@ class TopKRasterizer {
 
  private:
   void render_recording(const Executor<Backend>& executor) {
-    const int instances = splats_.num_instances();
-    // One more than needed: lanes without a hit gather the first element of their tile, which must exist.
-    for (auto* buffer : {&instance_gaussian_, &instance_count_}) buffer->resize_discard(instances + 1);
-    instance_max_weight_.resize_discard(instances);
+    const int instances = splats_.num_instances(), places = instances + splats_.grid().count();
+    for (auto* buffer : {&place_gaussian_, &place_count_}) buffer->resize_discard(places);
+    place_max_weight_.resize_discard(places);
     slot_statistics_.resize_discard(instances);
-    instance_count_.fill(0);
-    instance_max_weight_.fill(0.f);
     topk_id_.resize_discard(static_cast<std::size_t>(K) * num_pixels_);
     topk_weight_.resize_discard(static_cast<std::size_t>(K) * num_pixels_);
-    const TopKPlanes top{topk_id_.data(),        topk_weight_.data(),         instance_gaussian_.data(),
-                         instance_count_.data(), instance_max_weight_.data(), slot_statistics_.data()};
+    const TopKPlanes top{topk_id_.data(),        topk_weight_.data(), slot_statistics_.data(),
+                         place_gaussian_.data(), place_count_.data(), place_max_weight_.data()};
     launch(executor, splats_.grid().count(), TileForward<K>{splats_.grid(), splats_.instances(), rendered(), top});
 
     splat_max_weight_.resize_discard(splats_.num_splats());
@@ -109,8 +106,8 @@ class TopKRasterizer {
 
   SplatList<Backend> splats_;
   int num_pixels_ = 0;
-  Buffer<float, Backend> planes_, slot_sums_, topk_weight_, instance_max_weight_, splat_max_weight_;
-  Buffer<std::int32_t, Backend> topk_id_, instance_gaussian_, instance_count_, splat_topk_count_;
+  Buffer<float, Backend> planes_, slot_sums_, topk_weight_, place_max_weight_, splat_max_weight_;
+  Buffer<std::int32_t, Backend> topk_id_, place_gaussian_, place_count_, splat_topk_count_;
   Buffer<InstanceStatistics, Backend> slot_statistics_;
 };
 

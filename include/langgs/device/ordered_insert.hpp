@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "langgs/core/config.hpp"
+
+namespace langgs {
+
+/// Inserts (value, tag) into K values in descending order with their tags, where it is larger than the last of them.
+/// Of equal values the one that came first stays first. V and I are one float and one int, or a SIMD vector of each.
+template <int K, class V, class I>
+LANGGS_INLINE void ordered_insert(V (&values)[K], I (&tags)[K], const V& value, const I& tag) {
+  // From the smallest place up: a place takes its upper neighbour where `value` is larger than the neighbour too.
+  auto larger = value > values[K - 1];
+#pragma GCC unroll 16
+  for (int k = K - 1; k >= 1; --k) {
+    const auto larger_than_upper = value > values[k - 1];
+    tags[k] = larger_than_upper ? tags[k - 1] : (larger ? tag : tags[k]);
+    values[k] = larger_than_upper ? values[k - 1] : (larger ? value : values[k]);
+    larger = larger_than_upper;
+  }
+  tags[0] = larger ? tag : tags[0];
+  values[0] = larger ? value : values[0];
+}
+
+}  // namespace langgs
