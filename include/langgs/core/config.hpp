@@ -14,3 +14,10 @@
 
 /// The same for a lambda: `[&](int j) LANGGS_INLINE_LAMBDA { ... }`. Loop bodies handed to a block must not be calls.
 #define LANGGS_INLINE_LAMBDA __attribute__((always_inline))
+
+/// Before a loop over a small array that should live in registers: unrolled, so that no loop is left to index it.
+#if defined(__CUDACC__)
+#define LANGGS_UNROLL _Pragma("unroll")
+#else
+#define LANGGS_UNROLL _Pragma("GCC unroll 16")
+#endif

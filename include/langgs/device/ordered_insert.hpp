@@ -11,7 +11,7 @@ template <int K, class V, class I>
 LANGGS_INLINE void ordered_insert(V (&values)[K], I (&tags)[K], const V& value, const I& tag) {
   // From the smallest place up: a place takes its upper neighbour where `value` is larger than the neighbour too.
   auto larger = value > values[K - 1];
-#pragma GCC unroll 16
+  LANGGS_UNROLL
   for (int k = K - 1; k >= 1; --k) {
     const auto larger_than_upper = value > values[k - 1];
     tags[k] = larger_than_upper ? tags[k - 1] : (larger ? tag : tags[k]);
