@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "langgs/host/lane_math.hpp"
+#include "langgs/host/lane_reductions.hpp"
 #include "langgs/host/varying.hpp"
 
 namespace langgs::host {

@@ -114,6 +114,15 @@ struct alignas(64) Varying {
 
 using Mask = Varying<std::int32_t>;
 
+/// Copies 16 floats to a cache line that is not read soon.
+LANGGS_INLINE void stream_line(const float* from, float* to) {
+  for (int i = 0; i < 64 / kNativeBytes; ++i) {
+    Varying<float>::Native v;
+    std::memcpy(&v, from + i * kNativeBytes / 4, kNativeBytes);
+    detail::stream(v, to + i * kNativeBytes / 4);
+  }
+}
+
 #define LANGGS_LANEWISE(Result, expression) \
   LANGGS_FP_CONTRACT                        \
   Result r;                                 \
@@ -253,104 +262,6 @@ LANGGS_INLINE Varying<To> convert(const Varying<From>& a) {
   return r;
 }
 
-/// e^x for x in [-87, 88]; smaller x give e^-87, which is 1.6e-38. Relative error below 2e-7 + 8e-8 |x|.
-LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
-  LANGGS_FP_CONTRACT
-  constexpr float kMagic = 12582912.f;  // 1.5 * 2^23: adding it rounds to the nearest integer
-  Varying<float> r;
-  LANGGS_FOR_PARTS {
-    using V = Varying<float>::Native;
-    using Bits = Varying<std::int32_t>::Native;
-    const V bounded = x.part[i] > -87.f ? x.part[i] : -87.f - V{};
-    const V t = bounded * 1.44269504f;
-    const V shifted = t + kMagic;
-    Bits exponent;
-    std::memcpy(&exponent, &shifted, sizeof(exponent));
-    const V f = t - (shifted - kMagic);
-    // Taylor series of 2^f on [-1/2, 1/2]
-    V p = 1.5403530e-4f * f + 1.3333558e-3f;
-    p = p * f + 9.6181291e-3f;
-    p = p * f + 5.5504109e-2f;
-    p = p * f + 2.4022651e-1f;
-    p = p * f + 6.9314718e-1f;
-    p = p * f + 1.f;
-    Bits bits;
-    std::memcpy(&bits, &p, sizeof(bits));
-    bits += exponent << 23;
-    std::memcpy(&r.part[i], &bits, sizeof(bits));
-  }
-  return r;
-}
-
-/// ln x for positive normal x. Relative error below 3e-7 away from x = 1, absolute error below 1e-7 near it.
-LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
-  LANGGS_FP_CONTRACT
-  Varying<float> r;
-  LANGGS_FOR_PARTS {
-    using V = Varying<float>::Native;
-    using Bits = Varying<std::int32_t>::Native;
-    Bits bits;
-    std::memcpy(&bits, &x.part[i], sizeof(bits));
-    // Split so that the mantissa m lies in [sqrt(1/2), sqrt(2)).
-    const Bits exponent = (bits - 0x3F3504F3) >> 23;
-    bits -= exponent << 23;
-    V m;
-    std::memcpy(&m, &bits, sizeof(m));
-    // ln m = 2 atanh(s), s = (m - 1) / (m + 1), |s| < 0.172
-    const V s = (m - 1.f) / (m + 1.f);
-    const V s2 = s * s;
-    V p = s2 * 0.22222222f + 0.28571429f;
-    p = p * s2 + 0.4f;
-    p = p * s2 + 0.66666667f;
-    p = p * s2 + 2.f;
-    r.part[i] = __builtin_convertvector(exponent, V) * 0.69314718f + p * s;
-  }
-  return r;
-}
-
-/// 256^x = 2^(8x) for x in [-1, 0]: an opacity from its logarithm. Relative error below 2.4e-6, rms 6e-7.
-/// A polynomial of degree 5 for 2^x (minimax, 8e-8), squared three times: no integer arithmetic, no range reduction.
-LANGGS_INLINE Varying<float> exp256(const Varying<float>& x) {
-  LANGGS_FP_CONTRACT
-  Varying<float> r;
-  LANGGS_FOR_PARTS {
-    auto p = 9.387883474e-4f * x.part[i] + 9.188611992e-3f;
-    p = p * x.part[i] + 5.527972430e-2f;
-    p = p * x.part[i] + 2.401721925e-1f;
-    p = p * x.part[i] + 6.931422353e-1f;
-    p = p * x.part[i] + 9.999999404e-1f;
-    p = p * p;
-    p = p * p;
-    r.part[i] = p * p;
-  }
-  return r;
-}
-
-/// Neither GCC nor Clang vectorises sqrtf while it may set errno, so x86 needs the instructions by name.
-LANGGS_INLINE Varying<float> sqrt(const Varying<float>& x) {
-  Varying<float> r;
-  LANGGS_FOR_PARTS {
-#if defined(__AVX512F__)
-    r.part[i] = _mm512_maskz_sqrt_ps(0xFFFF, x.part[i]);  // GCC 12 warns of its own header's plain form
-#elif defined(__AVX__)
-    r.part[i] = _mm256_sqrt_ps(x.part[i]);
-#elif defined(__SSE__)
-    r.part[i] = _mm_sqrt_ps(x.part[i]);
-#else
-    for (int l = 0; l < Varying<float>::kNativeLanes; ++l) r.part[i][l] = __builtin_sqrtf(x.part[i][l]);
-#endif
-  }
-  return r;
-}
-
-/// base[index] per lane.
-template <class T>
-LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
-  Varying<T> r;
-  LANGGS_FOR_PARTS for (int l = 0; l < Varying<T>::kNativeLanes; ++l) r.part[i][l] = base[index.part[i][l]];
-  return r;
-}
-
 /// 0 .. 31.
 LANGGS_INLINE Varying<std::int32_t> lane_index() {
   alignas(64) static constexpr std::int32_t kIndices[kLanes] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10,
@@ -366,138 +277,6 @@ LANGGS_INLINE Varying<std::int32_t> lane_bits() {
 }
 LANGGS_INLINE Varying<float> to_float(const Varying<std::int32_t>& a) { return convert<float>(a); }
 
-namespace detail {
-
-/// Reduces 32 lanes with the tree xor 16, 8, 4, 2, 1.
-template <class T, class Op>
-LANGGS_INLINE T reduce(const Varying<T>& a, Op op) {
-  constexpr int kParts = Varying<T>::kParts;
-  typename Varying<T>::Native p[kParts];
-  LANGGS_FOR_PARTS p[i] = a.part[i];
-  if constexpr (kParts > 4)
-    for (int i = 0; i < 4; ++i) p[i] = op(p[i], p[i + 4]);
-  if constexpr (kParts > 2) p[0] = op(p[0], p[2]), p[1] = op(p[1], p[3]);
-  p[0] = op(p[0], p[1]);
-  typedef T V4 __attribute__((vector_size(16)));
-  V4 quarter;
-  if constexpr (kNativeBytes == 64) {
-    typedef T V8 __attribute__((vector_size(32)));
-    const V8 low = __builtin_shufflevector(p[0], p[0], 0, 1, 2, 3, 4, 5, 6, 7);
-    const V8 high = __builtin_shufflevector(p[0], p[0], 8, 9, 10, 11, 12, 13, 14, 15);
-    const V8 eight = op(low, high);
-    const V4 a4 = __builtin_shufflevector(eight, eight, 0, 1, 2, 3);
-    const V4 b4 = __builtin_shufflevector(eight, eight, 4, 5, 6, 7);
-    quarter = op(a4, b4);
-  } else if constexpr (kNativeBytes == 32) {
-    const V4 a4 = __builtin_shufflevector(p[0], p[0], 0, 1, 2, 3);
-    const V4 b4 = __builtin_shufflevector(p[0], p[0], 4, 5, 6, 7);
-    quarter = op(a4, b4);
-  } else {
-    quarter = p[0];
-  }
-  const V4 swapped = __builtin_shufflevector(quarter, quarter, 2, 3, 0, 1);
-  quarter = op(quarter, swapped);
-  const V4 odd = __builtin_shufflevector(quarter, quarter, 1, 0, 3, 2);
-  return op(quarter, odd)[0];
-}
-
-}  // namespace detail
-
-template <class T>
-LANGGS_INLINE T reduce_sum(const Varying<T>& a) {
-  return detail::reduce(
-      a, [](auto x, auto y) __attribute__((always_inline)) { return x + y; });
-}
-template <class T>
-LANGGS_INLINE T reduce_max(const Varying<T>& a) {
-  return detail::reduce(
-      a, [](auto x, auto y) __attribute__((always_inline)) { return x > y ? x : y; });
-}
-namespace detail {
-
-/// Bit l is set where lane l of one native vector of a mask is.
-LANGGS_INLINE std::uint32_t bits_of_part(const Mask::Native& part) {
-#if defined(__AVX512F__)
-  return _mm512_test_epi32_mask(reinterpret_cast<__m512i>(part), reinterpret_cast<__m512i>(part));
-#elif defined(__AVX__)
-  return static_cast<std::uint32_t>(_mm256_movemask_ps(reinterpret_cast<__m256>(part)));
-#elif defined(__SSE__)
-  return static_cast<std::uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(part)));
-#else
-  std::uint32_t bits = 0;
-  for (int l = 0; l < Mask::kNativeLanes; ++l) bits |= (part[l] & 1u) << l;
-  return bits;
-#endif
-}
-
-}  // namespace detail
-
-/// Bit l is set where the mask holds in lane l.
-[[nodiscard]] LANGGS_INLINE std::uint32_t bits_of(const Mask& mask) {
-  std::uint32_t bits = 0;
-  LANGGS_FOR_PARTS bits |= detail::bits_of_part(mask.part[i]) << (i * Mask::kNativeLanes);
-  return bits;
-}
-[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) {
-  auto joined = mask.part[0];
-  for (int i = 1; i < kNumParts; ++i) joined |= mask.part[i];
-  return detail::bits_of_part(joined) != 0;
-}
-[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) { return !any(!mask); }
-
-namespace detail {
-
-template <int kSpan, class V, int... kLane>
-LANGGS_INLINE V fold_pair(const V& a, const V& b, std::integer_sequence<int, kLane...>) {
-  // Of the 2 L lanes of a and b, those whose bit kSpan is clear, in order; and the same plus kSpan.
-  return __builtin_shufflevector(a, b, (kLane / kSpan * 2 * kSpan + kLane % kSpan)...) +
-         __builtin_shufflevector(a, b, (kLane / kSpan * 2 * kSpan + kLane % kSpan + kSpan)...);
-}
-/// Folds pairs of vectors until each lane is the sum of one of them; lane i of vector g belongs to input g L + i.
-template <int kSpan, int N, class V>
-LANGGS_INLINE void fold_all(V (&v)[N]) {
-  constexpr int kNativeLanes = kNativeBytes / 4;
-  constexpr int kHalf = (N + 1) / 2;
-  V folded[kHalf];
-  for (int i = 0; i < kHalf; ++i)
-    folded[i] =
-        fold_pair<kSpan>(v[2 * i], 2 * i + 1 < N ? v[2 * i + 1] : V{}, std::make_integer_sequence<int, kNativeLanes>{});
-  if constexpr (kSpan > 1) fold_all<kSpan / 2>(folded);
-  for (int i = 0; i < kHalf; ++i) v[i] = folded[i];
-}
-
-}  // namespace detail
-
-/// Copies 16 floats to a cache line that is not read soon.
-LANGGS_INLINE void stream_line(const float* from, float* to) {
-  for (int i = 0; i < 64 / kNativeBytes; ++i) {
-    Varying<float>::Native v;
-    std::memcpy(&v, from + i * kNativeBytes / 4, kNativeBytes);
-    detail::stream(v, to + i * kNativeBytes / 4);
-  }
-}
-
-/// sums[i] = reduce_sum(values[i]), all at once: the tree of reduce_sum, in a fraction of its shuffles.
-template <int N>
-LANGGS_INLINE void reduce_sums(const Varying<float> (&values)[N], float (&sums)[N]) {
-  using V = Varying<float>::Native;
-  constexpr int kParts = Varying<float>::kParts, kNativeLanes = Varying<float>::kNativeLanes;
-  constexpr int kGroups = (N + kNativeLanes - 1) / kNativeLanes;
-  V v[N > kGroups ? N : kGroups];
-  for (int n = 0; n < N; ++n) {
-    V part[kParts];
-    for (int i = 0; i < kParts; ++i) part[i] = values[n].part[i];
-    for (int half = kParts / 2; half >= 1; half /= 2)
-      for (int i = 0; i < half; ++i) part[i] = part[i] + part[i + half];
-    v[n] = part[0];
-  }
-  detail::fold_all<kNativeLanes / 2>(v);
-  alignas(64) float lanes[kGroups * kNativeLanes];
-  std::memcpy(lanes, v, sizeof(lanes));
-  std::memcpy(sums, lanes, sizeof(sums));
-}
-
 #undef LANGGS_LANEWISE
-#undef LANGGS_FOR_PARTS
 
 }  // namespace langgs::host

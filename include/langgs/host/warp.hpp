@@ -6,6 +6,8 @@
 #include <cstdint>
 
 #include "langgs/core/half.hpp"
+#include "langgs/host/lane_math.hpp"
+#include "langgs/host/lane_reductions.hpp"
 #include "langgs/host/varying.hpp"
 
 namespace langgs::host {
