@@ -8,6 +8,15 @@
 
 namespace langgs::host {
 
+/// The lanes of a Varying as an array, for code that goes from lane to lane.
+template <class T>
+struct LaneValues {
+  alignas(64) T values[kLanes];
+
+  LANGGS_INLINE explicit LaneValues(const Varying<T>& v) { v.store(values); }
+  [[nodiscard]] LANGGS_INLINE T operator[](int lane) const { return values[lane]; }
+};
+
 /// Up to 32 consecutive elements of a one-dimensional range.
 class Lanes {
  public:
@@ -19,6 +28,23 @@ class Lanes {
   [[nodiscard]] LANGGS_INLINE int first() const { return first_; }
   [[nodiscard]] LANGGS_INLINE int count() const { return count_; }
   [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> index() const { return lane_index() + first_; }
+  /// The lanes inside the range.
+  [[nodiscard]] LANGGS_INLINE Mask active() const { return lane_index() < count_; }
+  [[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) const { return host::any(mask); }
+  [[nodiscard]] LANGGS_INLINE std::int32_t max(const Varying<std::int32_t>& v) const { return reduce_max(v); }
+  /// Rounded towards zero.
+  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> truncate(const Varying<float>& v) const {
+    return convert<std::int32_t>(v);
+  }
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE LaneValues<T> values(const Varying<T>& v) const {
+    return LaneValues<T>(v);
+  }
+  /// Calls `body(lane)` for each lane where the mask holds, ascending; `values` tell what the lane has.
+  template <class F>
+  LANGGS_INLINE void each(const Mask& mask, F&& body) const {
+    for (std::uint32_t left = bits_of(mask); left != 0; left &= left - 1) body(__builtin_ctz(left));
+  }
   /// base[index()]. Reads past the end of the range; a Buffer is padded for it.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
