@@ -323,6 +323,9 @@ class Lanes {
       for (int v = 0; v < N; ++v) sums[v] += rows[static_cast<std::ptrdiff_t>(r) * N + v];
     }
   }
+  /// A GPU hides latency with other warps.
+  template <class T>
+  __device__ __forceinline__ void prefetch(T*, std::int32_t) const {}
   template <class T>
   __device__ __forceinline__ void scatter(T* base, std::int32_t index, const T& v) const {
     base[index] = v;

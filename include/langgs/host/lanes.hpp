@@ -83,6 +83,12 @@ class Lanes {
     }
     for (int v = 0; v < N; ++v) sums[v] = Varying<float>::load(lanes[v]);
   }
+  /// Says that base[index] will soon be written.
+  template <class T>
+  LANGGS_INLINE void prefetch(T* base, const Varying<std::int32_t>& index) const {
+    const LaneValues<std::int32_t> where(index);
+    for (int i = 0; i < count_; ++i) __builtin_prefetch(base + where[i], 1);
+  }
   template <class T>
   LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Varying<T>& v) const {
     alignas(64) std::int32_t where[kLanes];

@@ -10,6 +10,7 @@
 
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/key_value.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/render/projection.hpp"
 #include "langgs/render/tile_cover.hpp"
@@ -149,8 +150,7 @@ struct EmitInstances {
   const std::int32_t* splat_of;    ///< [N]
   const std::int32_t* slot_of;     ///< [N]
   const std::int32_t* emit_begin;  ///< [V] by splat: places of its pairs, in order of depth
-  std::uint32_t* tile;             ///< [I]
-  std::int32_t* slot;              ///< [I]
+  KeyValue* tile_slot;             ///< [I]
   Instance* instance;              ///< [I] by slot
 
   template <class Lanes>
@@ -158,10 +158,11 @@ struct EmitInstances {
     using Int = VaryingOf<std::int32_t, Lanes>;
     const auto wanted = (lanes.load(visible) != 0) & lanes.active();
     if (!lanes.any(wanted)) return;
-    const TileCover<Lanes> cover(lanes, load_outline(lanes, projected, stride), grid, wanted);
     const auto splat = lanes.load(splat_of);
     const auto c = lanes.values(splat);
     Int place = lanes.gather(emit_begin, splat), next_slot = lanes.load(slot_of);
+    lanes.prefetch(tile_slot, place);
+    const TileCover<Lanes> cover(lanes, load_outline(lanes, projected, stride), grid, wanted);
     for (int k = 0; k < lanes.max(cover.num_columns()); ++k) {
       const TileColumn<Int> column = cover.column(k);
       const Int tile_column = cover.tile_column(k);
@@ -172,8 +173,7 @@ struct EmitInstances {
                    t = lanes.values(row * grid.columns + tile_column), first = lanes.values(column.first_warp_of(row)),
                    last = lanes.values(column.last_warp_of(row));
         lanes.each(reached, [&](int l) LANGGS_INLINE_LAMBDA {
-          tile[e[l]] = static_cast<std::uint32_t>(t[l]);
-          slot[e[l]] = s[l];
+          tile_slot[e[l]] = {static_cast<std::uint32_t>(t[l]), s[l]};
           instance[s[l]] = {c[l], static_cast<std::int16_t>(first[l]), static_cast<std::int16_t>(last[l])};
         });
         const Int one = select(reached, Int(1), Int(0));
@@ -227,20 +227,15 @@ class SplatList {
   }
 
   void sort_into_tiles(const Executor<Backend>& executor, const PlanesView& map) {
-    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_);
-    std::int32_t total = 0;
-    for (int rank = 0; rank < num_splats_; ++rank) {
-      const int c = order_.data()[rank];
-      emit_begin_.data()[c] = total;
-      total += slot_begin_.data()[c + 1] - slot_begin_.data()[c];
-    }
-    tile_.resize_discard(num_instances_);
-    for (auto* buffer : {&slot_, &sorted_slot_}) buffer->resize_discard(num_instances_);
+    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_, sort_scratch_);
+    scan_in_order(executor, order_.data(), slot_begin_.data(), emit_begin_.data(), num_splats_);
+    tile_slot_.resize_discard(num_instances_);
+    sorted_slot_.resize_discard(num_instances_);
     instance_.resize_discard(num_instances_);
     for_each_lanes(executor, map.size,
                    EmitInstances{grid_, projected_.data(), map.stride, visible_.data(), splat_of_.data(),
-                                 slot_of_.data(), emit_begin_.data(), tile_.data(), slot_.data(), instance_.data()});
-    group_by_key(executor, tile_.data(), slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
+                                 slot_of_.data(), emit_begin_.data(), tile_slot_.data(), instance_.data()});
+    group_by_key(executor, tile_slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
                  scratch_);
   }
 
@@ -248,11 +243,13 @@ class SplatList {
   int num_splats_ = 0, num_instances_ = 0;
   Buffer<float, Backend> projected_;
   Buffer<Splat, Backend> splats_;
-  Buffer<std::uint32_t, Backend> depth_key_, tile_;
+  Buffer<std::uint32_t, Backend> depth_key_;
+  Buffer<KeyValue, Backend> tile_slot_;
   Buffer<std::int32_t, Backend> visible_, num_tiles_, splat_of_, slot_of_, gaussian_, slot_begin_, emit_begin_, order_;
-  Buffer<std::int32_t, Backend> slot_, sorted_slot_;
+  Buffer<std::int32_t, Backend> sorted_slot_;
   Buffer<Instance, Backend> instance_;
   std::vector<std::int32_t> tile_begin_, scratch_;
+  SortScratch sort_scratch_;
 };
 
 }  // namespace langgs
