@@ -105,6 +105,26 @@ TEST_CASE("select_flagged gives the flagged indices in order") {
     }
 }
 
+TEST_CASE("sum_rows adds up rows in double, and gives the same bits for any number of threads") {
+  for (const int n : kSizes) {
+    const int num_rows = 3, stride = n + 5;
+    const CounterRng rng{6};
+    std::vector<float> rows(static_cast<std::size_t>(num_rows) * stride,
+                            1e30f);  // what lies between rows does not count
+    std::vector<double> expected(num_rows, 0), sums(num_rows, -1), again(num_rows, -1);
+    for (int r = 0; r < num_rows; ++r)
+      for (int i = 0; i < n; ++i) {
+        const float value = static_cast<float>(rng.below(r * stride + i, 2000)) * 0.37f - 300;
+        rows[r * stride + i] = value;
+        expected[r] += static_cast<double>(value);
+      }
+    sum_rows(Executor<Host>(1), rows.data(), stride, n, num_rows, sums.data());
+    sum_rows(Executor<Host>(4), rows.data(), stride, n, num_rows, again.data());
+    CHECK(sums == again);
+    for (int r = 0; r < num_rows; ++r) CHECK(sums[r] == doctest::Approx(expected[r]).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("group_by_key is stable, complete, and the same for any number of threads") {
   std::vector<std::int32_t> offsets = {1, 2, 3}, scratch = {4, 5};  // leftovers of an earlier call
   for (const int n : kSizes)

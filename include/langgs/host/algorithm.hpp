@@ -188,6 +188,24 @@ int select_flagged(const Executor<Backend>&, const std::int32_t* flags, std::int
   return count;
 }
 
+/// sums[r] = the sum of the n values at rows + r * stride, for r in [0, num_rows). The order of the additions depends
+/// on n alone.
+template <detail::HostBackend Backend>
+void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, int n, int num_rows,
+              double* sums) {
+  executor.pool().run(num_rows, [&](int r) {
+    constexpr int kPartialSums = 16;  // an addition waits for the one before
+    const float* row = rows + r * stride;
+    double partial[kPartialSums] = {}, sum = 0;
+    int i = 0;
+    for (; i + kPartialSums <= n; i += kPartialSums)
+      for (int k = 0; k < kPartialSums; ++k) partial[k] += static_cast<double>(row[i + k]);
+    for (; i < n; ++i) sum += static_cast<double>(row[i]);
+    for (const double p : partial) sum += p;
+    sums[r] = sum;
+  });
+}
+
 /// Groups `values` [n] by their small keys in [0, num_keys), stably: group k is grouped[offsets[k] .. offsets[k + 1]).
 /// `scratch` is kept by the caller so that no memory is allocated per call.
 template <detail::HostBackend Backend>
