@@ -31,8 +31,9 @@ template void launch(const Executor<Cuda>&, int, const detail::DepthL1&);
 template void launch(const Executor<Cuda>&, int, const detail::AdamUpdate&);
 
 template void for_each_lanes(const Executor<Cuda>&, int, const ProjectGaussians&);
+template void for_each_lanes(const Executor<Cuda>&, int, const CountTiles&);
+template void for_each_lanes(const Executor<Cuda>&, int, const PackSplats&);
+template void for_each_lanes(const Executor<Cuda>&, int, const EmitInstances&);
 template void for_each_lanes(const Executor<Cuda>&, int, const GatherGradient&);
-template void for_each_n(const Executor<Cuda>&, int, const PackSplats&);
-template void for_each_n(const Executor<Cuda>&, int, const EmitInstances&);
 
 }  // namespace langgs

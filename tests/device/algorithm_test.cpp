@@ -32,19 +32,41 @@ std::vector<std::int32_t> sorted_indices(const std::vector<std::uint32_t>& keys)
 
 }  // namespace
 
-TEST_CASE("sort_by_key is the stable sort of the standard library") {
-  const Executor<Host> executor(2);
-  for (const int n : kSizes)
-    for (const std::uint32_t num_keys : {1u, 5u, 0xFFFFFFFFu}) {
-      std::vector<std::uint32_t> keys = random_keys(n, num_keys, n);
-      if (n > 0) keys[n / 2] = 0xFFFFFFFFu;
-      const std::vector<std::int32_t> expected = sorted_indices(keys);
-      std::vector<std::int32_t> values(n);
-      std::iota(values.begin(), values.end(), 0);
-      sort_by_key(executor, keys.data(), values.data(), n);
-      CHECK(values == expected);
-      CHECK(std::is_sorted(keys.begin(), keys.end()));
+TEST_CASE("sort_by_key is the stable sort of the standard library, for any number of threads") {
+  SortScratch scratch;
+  for (const int threads : {1, 2, 5}) {
+    const Executor<Host> executor(threads);
+    for (const int n : kSizes)
+      for (const std::uint32_t num_keys : {1u, 5u, 300u, 0xFFFFFFFFu}) {
+        std::vector<std::uint32_t> keys = random_keys(n, num_keys, n);
+        if (n > 0 && num_keys != 300) keys[n / 2] = 0xFFFFFFFFu;  // the others share one range of keys then
+        const std::vector<std::int32_t> expected = sorted_indices(keys);
+        std::vector<std::int32_t> values(n);
+        std::iota(values.begin(), values.end(), 0);
+        sort_by_key(executor, keys.data(), values.data(), n, scratch);
+        CHECK(values == expected);
+        CHECK(std::is_sorted(keys.begin(), keys.end()));
+      }
+  }
+}
+
+TEST_CASE("scan_in_order places groups of any size one after the other") {
+  for (const int threads : {1, 3}) {
+    const Executor<Host> executor(threads);
+    for (const int n : kSizes) {
+      const CounterRng rng{4};
+      std::vector<std::int32_t> begin(n + 1, 0), offsets(n, -1), expected(n);
+      for (int i = 0; i < n; ++i) begin[i + 1] = begin[i] + static_cast<std::int32_t>(rng.below(i, 6));
+      const std::vector<std::int32_t> which = sorted_indices(random_keys(n, 1000, 8));
+      std::int32_t next = 0;
+      for (const int g : which) {
+        expected[g] = next;
+        next += begin[g + 1] - begin[g];
+      }
+      scan_in_order(executor, which.data(), begin.data(), offsets.data(), n);
+      CHECK(offsets == expected);
     }
+  }
 }
 
 TEST_CASE("exclusive_scan is the one of the standard library, with the total behind it") {
@@ -83,6 +105,26 @@ TEST_CASE("select_flagged gives the flagged indices in order") {
     }
 }
 
+TEST_CASE("sum_rows adds up rows in double, and gives the same bits for any number of threads") {
+  for (const int n : kSizes) {
+    const int num_rows = 3, stride = n + 5;
+    const CounterRng rng{6};
+    std::vector<float> rows(static_cast<std::size_t>(num_rows) * stride,
+                            1e30f);  // what lies between rows does not count
+    std::vector<double> expected(num_rows, 0), sums(num_rows, -1), again(num_rows, -1);
+    for (int r = 0; r < num_rows; ++r)
+      for (int i = 0; i < n; ++i) {
+        const float value = static_cast<float>(rng.below(r * stride + i, 2000)) * 0.37f - 300;
+        rows[r * stride + i] = value;
+        expected[r] += static_cast<double>(value);
+      }
+    sum_rows(Executor<Host>(1), rows.data(), stride, n, num_rows, sums.data());
+    sum_rows(Executor<Host>(4), rows.data(), stride, n, num_rows, again.data());
+    CHECK(sums == again);
+    for (int r = 0; r < num_rows; ++r) CHECK(sums[r] == doctest::Approx(expected[r]).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("group_by_key is stable, complete, and the same for any number of threads") {
   std::vector<std::int32_t> offsets = {1, 2, 3}, scratch = {4, 5};  // leftovers of an earlier call
   for (const int n : kSizes)
@@ -98,6 +140,11 @@ TEST_CASE("group_by_key is stable, complete, and the same for any number of thre
         const Executor<Host> executor(threads);
         std::vector<std::int32_t> grouped(n, -1);
         group_by_key(executor, keys.data(), values.data(), n, grouped.data(), offsets, num_keys, scratch);
+        CHECK(grouped == expected);
+        std::vector<KeyValue> pairs(n);
+        for (int i = 0; i < n; ++i) pairs[i] = {keys[i], values[i]};
+        std::fill(grouped.begin(), grouped.end(), -1);
+        group_by_key(executor, pairs.data(), n, grouped.data(), offsets, num_keys, scratch);
         CHECK(grouped == expected);
         REQUIRE(static_cast<int>(offsets.size()) == num_keys + 1);
         for (int k = 0; k <= num_keys; ++k) {

@@ -301,6 +301,14 @@ class Block {
   }
 };
 
+/// The value of the one lane that a thread has.
+template <class T>
+struct LaneValues {
+  T value;
+
+  [[nodiscard]] __device__ __forceinline__ T operator[](int) const { return value; }
+};
+
 /// One element of a one-dimensional range, as seen by the thread that owns it.
 class Lanes {
  public:
@@ -312,6 +320,20 @@ class Lanes {
   [[nodiscard]] __device__ __forceinline__ int first() const { return index_; }
   [[nodiscard]] __device__ __forceinline__ int count() const { return 1; }
   [[nodiscard]] __device__ __forceinline__ std::int32_t index() const { return index_; }
+  [[nodiscard]] __device__ __forceinline__ Mask active() const { return true; }
+  [[nodiscard]] __device__ __forceinline__ bool any(Mask mask) const { return mask; }
+  [[nodiscard]] __device__ __forceinline__ std::int32_t max(std::int32_t v) const { return v; }
+  /// Rounded towards zero.
+  [[nodiscard]] __device__ __forceinline__ std::int32_t truncate(float v) const { return static_cast<std::int32_t>(v); }
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ LaneValues<T> values(T v) const {
+    return {v};
+  }
+  /// Calls `body(lane)` for each lane where the mask holds, ascending; `values` tell what the lane has.
+  template <class F>
+  __device__ __forceinline__ void each(Mask mask, F&& body) const {
+    if (mask) body(0);
+  }
   /// base[index()].
   template <class T>
   [[nodiscard]] __device__ __forceinline__ T load(const T* base) const {
@@ -335,6 +357,9 @@ class Lanes {
       for (int v = 0; v < N; ++v) sums[v] += rows[static_cast<std::ptrdiff_t>(r) * kStride + v];
     }
   }
+  /// A GPU hides latency with other warps.
+  template <class T>
+  __device__ __forceinline__ void prefetch(T*, std::int32_t) const {}
   template <class T>
   __device__ __forceinline__ void scatter(T* base, std::int32_t index, const T& v) const {
     base[index] = v;

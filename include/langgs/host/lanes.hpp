@@ -3,12 +3,22 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "langgs/host/lane_math.hpp"
 #include "langgs/host/lane_reductions.hpp"
 #include "langgs/host/varying.hpp"
 
 namespace langgs::host {
+
+/// The lanes of a Varying as an array, for code that goes from lane to lane.
+template <class T>
+struct LaneValues {
+  alignas(64) T values[kLanes];
+
+  LANGGS_INLINE explicit LaneValues(const Varying<T>& v) { v.store(values); }
+  [[nodiscard]] LANGGS_INLINE T operator[](int lane) const { return values[lane]; }
+};
 
 /// Up to 32 consecutive elements of a one-dimensional range.
 class Lanes {
@@ -21,6 +31,23 @@ class Lanes {
   [[nodiscard]] LANGGS_INLINE int first() const { return first_; }
   [[nodiscard]] LANGGS_INLINE int count() const { return count_; }
   [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> index() const { return lane_index() + first_; }
+  /// The lanes inside the range.
+  [[nodiscard]] LANGGS_INLINE Mask active() const { return lane_index() < count_; }
+  [[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) const { return host::any(mask); }
+  [[nodiscard]] LANGGS_INLINE std::int32_t max(const Varying<std::int32_t>& v) const { return reduce_max(v); }
+  /// Rounded towards zero.
+  [[nodiscard]] LANGGS_INLINE Varying<std::int32_t> truncate(const Varying<float>& v) const {
+    return convert<std::int32_t>(v);
+  }
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE LaneValues<T> values(const Varying<T>& v) const {
+    return LaneValues<T>(v);
+  }
+  /// Calls `body(lane)` for each lane where the mask holds, ascending; `values` tell what the lane has.
+  template <class F>
+  LANGGS_INLINE void each(const Mask& mask, F&& body) const {
+    for (std::uint32_t left = bits_of(mask); left != 0; left &= left - 1) body(__builtin_ctz(left));
+  }
   /// base[index()]. Reads past the end of the range; a Buffer is padded for it.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> load(const T* base) const {
@@ -37,14 +64,11 @@ class Lanes {
   }
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {
-    alignas(64) std::int32_t where[kLanes];
+    static_assert(sizeof(T) == 4);
+    if (count_ == kLanes) return gather_all(base, index);
+    const LaneValues<std::int32_t> where(index);
     alignas(64) T lanes[kLanes] = {};
-    index.store(where);
-    if (count_ == kLanes) {
-      for (int i = 0; i < kLanes; ++i) lanes[i] = base[where[i]];
-    } else {
-      for (int i = 0; i < count_; ++i) lanes[i] = base[where[i]];
-    }
+    for (int i = 0; i < count_; ++i) lanes[i] = base[where[i]];
     return Varying<T>::load(lanes);
   }
   /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * kStride + v], in row order.
@@ -59,6 +83,12 @@ class Lanes {
     }
     for (int v = 0; v < N; ++v) sums[v] = Varying<float>::load(lanes[v]);
   }
+  /// Says that base[index] will soon be written.
+  template <class T>
+  LANGGS_INLINE void prefetch(T* base, const Varying<std::int32_t>& index) const {
+    const LaneValues<std::int32_t> where(index);
+    for (int i = 0; i < count_; ++i) __builtin_prefetch(base + where[i], 1);
+  }
   template <class T>
   LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Varying<T>& v) const {
     alignas(64) std::int32_t where[kLanes];
@@ -69,6 +99,27 @@ class Lanes {
   }
 
  private:
+  /// Neither GCC nor Clang makes the instruction of a loop here.
+  template <class T>
+  LANGGS_INLINE static Varying<T> gather_all(const T* base, const Varying<std::int32_t>& index) {
+#if defined(__AVX2__)
+    Varying<T> r;
+    for (int i = 0; i < kNumParts; ++i) {
+#if defined(__AVX512F__)
+      const auto where = reinterpret_cast<__m512i>(index.part[i]);
+      const __m512i part = _mm512_mask_i32gather_epi32(__m512i{}, 0xFFFF, where, base, sizeof(T));
+#else
+      const auto where = reinterpret_cast<__m256i>(index.part[i]);
+      const __m256i part = _mm256_i32gather_epi32(reinterpret_cast<const int*>(base), where, sizeof(T));
+#endif
+      std::memcpy(&r.part[i], &part, sizeof(part));
+    }
+    return r;
+#else
+    return host::gather(base, index);
+#endif
+  }
+
   int first_, count_;
 };
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "langgs/core/pose.hpp"
+#include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/map/planes.hpp"
@@ -65,12 +66,7 @@ class MapGradient {
     pose_rows_.resize_discard(static_cast<std::size_t>(stride_) * 6);
     for_each_lanes(executor, num_gaussians_,
                    GatherGradient{map, view, gaussian_, splats.slot_begin(), slot_sums, planes(), pose_rows_.data()});
-    for (int a = 0; a < 6; ++a) {
-      double sum = 0;
-      const float* row = pose_rows_.data() + static_cast<std::ptrdiff_t>(a) * stride_;
-      for (int c = 0; c < num_gaussians_; ++c) sum += static_cast<double>(row[c]);
-      pose_[a] = sum;
-    }
+    sum_rows(executor, pose_rows_.data(), stride_, num_gaussians_, 6, pose_.data());
   }
 
  private:

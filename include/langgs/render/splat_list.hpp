@@ -10,25 +10,37 @@
 
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/key_value.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/render/projection.hpp"
+#include "langgs/render/tile_cover.hpp"
 #include "langgs/render/tiles.hpp"
 
 namespace langgs {
 
-/// What `ProjectGaussians` writes for each Gaussian of the map, one plane each.
+/// What `ProjectGaussians` writes for each Gaussian of the map, one plane each: the members of Splat but the colour.
 enum ProjectedPlane : int {
   kPixelX,
   kPixelY,
-  kConicXX,
-  kConicXY,
-  kConicYY,
+  kHalfXX,
+  kXY,
+  kHalfYY,
   kLogOpacity,
   kDepth,
   kHalfWidth,
   kHalfHeight,
   kNumProjected
 };
+
+/// The outline that lies in the planes.
+template <class Lanes>
+[[nodiscard]] LANGGS_INLINE SplatOutline<VaryingOf<float, Lanes>> load_outline(const Lanes& lanes,
+                                                                               const float* projected,
+                                                                               std::ptrdiff_t stride) {
+  const auto at = [&](ProjectedPlane plane) { return lanes.load(projected + plane * stride); };
+  return {at(kPixelX), at(kPixelY),     at(kHalfXX),    at(kXY),
+          at(kHalfYY), at(kLogOpacity), at(kHalfWidth), at(kHalfHeight)};
+}
 
 /// Projects every Gaussian; flags those that can touch a pixel.
 struct ProjectGaussians {
@@ -55,9 +67,9 @@ struct ProjectGaussians {
     const auto put = [&](ProjectedPlane plane, const F& v) { lanes.store(projected + plane * stride, v); };
     put(kPixelX, p.pixel[0]);
     put(kPixelY, p.pixel[1]);
-    put(kConicXX, p.conic[0]);
-    put(kConicXY, p.conic[1]);
-    put(kConicYY, p.conic[2]);
+    put(kHalfXX, 0.5f * kLog256 * p.conic[0]);
+    put(kXY, kLog256 * p.conic[1]);
+    put(kHalfYY, 0.5f * kLog256 * p.conic[2]);
     put(kLogOpacity, kLog256 * log(p.opacity));
     put(kDepth, p.t[2]);
     put(kHalfWidth, half_width);
@@ -67,97 +79,64 @@ struct ProjectGaussians {
   }
 };
 
-/// floor(x) for x in [-1, 65535], at most one more: what is rounded away makes a box larger, never smaller.
-LANGGS_INLINE int floor_or_more(float x) { return static_cast<int>(x + 1.f) - 1; }
-/// ceil(x) for x in [-1, 65535], at most one less.
-LANGGS_INLINE int ceil_or_less(float x) { return 65536 - static_cast<int>(65536.f - x); }
-
-/// The pixels that a splat's box covers, and the tiles that they lie in.
-struct TileBox {
-  int first_column, last_column, first_row, last_row;  ///< [px], inclusive
-
-  LANGGS_INLINE TileBox(const Splat& s, int width, int height) {
-    range(s.x, s.half_width, width, first_column, last_column);
-    range(s.y, s.half_height, height, first_row, last_row);
-  }
-  [[nodiscard]] LANGGS_INLINE int first_tile_column() const { return first_column / TileGrid::kSize; }
-  [[nodiscard]] LANGGS_INLINE int last_tile_column() const { return last_column / TileGrid::kSize; }
-  [[nodiscard]] LANGGS_INLINE int first_tile_row() const { return first_row / TileGrid::kSize; }
-  [[nodiscard]] LANGGS_INLINE int last_tile_row() const { return last_row / TileGrid::kSize; }
-  /// Number of tiles; 0 for a splat between two pixel centres.
-  [[nodiscard]] LANGGS_INLINE int count() const {
-    if (last_column < first_column || last_row < first_row) return 0;
-    return (last_tile_column() - first_tile_column() + 1) * (last_tile_row() - first_tile_row() + 1);
-  }
-
- private:
-  static LANGGS_INLINE void range(float centre, float half, int size, int& first, int& last) {
-    const float limit = static_cast<float>(size - 1);
-    first = ceil_or_less(min(max(centre - half, 0.f), limit));
-    last = floor_or_more(max(min(centre + half, limit), 0.f));
-  }
-};
-
-/// The rows that the ellipse of a splat reaches within a band of columns: exact, where the box takes its corners too.
-class RowsOfColumns {
- public:
-  LANGGS_INLINE RowsOfColumns(const Splat& s, const TileBox& box) : x_(s.x), y_(s.y), box_(box) {
-    slope_ = -0.5f * s.xy / s.half_yy;
-    highest_at_ = -0.5f * s.xy / s.half_xx * s.half_height;
-    // q(u, v) = half_xx u^2 + xy u v + half_yy v^2 <= level, solved for v; u = half_width touches the ellipse.
-    span_ = sqrt(1.001f * (s.log_opacity - Footprint<float>::kMinLog) / s.half_yy);
-    inverse_width_ = 1.f / s.half_width;
-  }
-  LANGGS_INLINE void operator()(int first_column, int last_column, int& first_row, int& last_row) const {
-    const float left = static_cast<float>(max(first_column, box_.first_column)) - x_;
-    const float right = static_cast<float>(min(last_column, box_.last_column)) - x_;
-    first_row = ceil_or_less(min(max(y_ + edge(left, right, -1.f), static_cast<float>(box_.first_row)), 65535.f));
-    last_row = floor_or_more(max(min(y_ + edge(left, right, 1.f), static_cast<float>(box_.last_row)), -1.f));
-  }
-
- private:
-  /// The extreme v of the side (1: largest, -1: smallest) for u in [left, right].
-  [[nodiscard]] LANGGS_INLINE float edge(float left, float right, float side) const {
-    const float u = min(max(side * highest_at_, left), right), share = u * inverse_width_;
-    return slope_ * u + side * span_ * sqrt(max(1.f - share * share, 0.f));
-  }
-
-  float x_, y_;
-  const TileBox& box_;
-  float slope_, highest_at_, span_, inverse_width_;
-};
-
-/// Packs the visible Gaussians as splats with their pixel boxes, depth keys and numbers of tiles.
-struct PackSplats {
-  PlanesView map;
-  Camera camera;
+/// Counts the tiles that each Gaussian reaches.
+struct CountTiles {
+  TileGrid grid;
   const float* projected;
   std::ptrdiff_t stride;
-  const std::int32_t* gaussian;  ///< [V]
-  Splat* splats;                 ///< [V]
-  std::uint32_t* depth_key;      ///< [V]
-  std::int32_t* num_tiles;       ///< [V]
+  const std::int32_t* visible;  ///< [N]
+  std::int32_t* num_tiles;      ///< [N]
 
-  LANGGS_HD void operator()(int c) const {
-    const int i = gaussian[c];
-    const auto at = [&](ProjectedPlane plane) { return projected[plane * stride + i]; };
-    Splat s;
-    s.x = at(kPixelX);
-    s.y = at(kPixelY);
-    s.half_xx = 0.5f * kLog256 * at(kConicXX);
-    s.xy = kLog256 * at(kConicXY);
-    s.half_yy = 0.5f * kLog256 * at(kConicYY);
-    s.log_opacity = at(kLogOpacity);
-    s.depth = at(kDepth);
-    s.red = map.plane(kRed)[i];
-    s.green = map.plane(kGreen)[i];
-    s.blue = map.plane(kBlue)[i];
-    s.half_width = at(kHalfWidth);
-    s.half_height = at(kHalfHeight);
-    splats[c] = s;
-    // Positive floats order as their bits.
-    std::memcpy(&depth_key[c], &s.depth, sizeof(float));
-    num_tiles[c] = TileBox(s, camera.width, camera.height).count();
+  template <class Lanes>
+  LANGGS_HD void operator()(const Lanes& lanes) const {
+    using Int = VaryingOf<std::int32_t, Lanes>;
+    Int total(0);
+    const auto wanted = (lanes.load(visible) != 0) & lanes.active();
+    if (lanes.any(wanted)) {
+      const TileCover<Lanes> cover(lanes, load_outline(lanes, projected, stride), grid, wanted);
+      for (int k = 0; k < lanes.max(cover.num_columns()); ++k) total += cover.column(k).num_tiles;
+    }
+    lanes.store(num_tiles, total);
+  }
+};
+
+/// Packs the visible Gaussians as splats, with their depth keys and slots.
+struct PackSplats {
+  PlanesView map;
+  const float* projected;
+  std::ptrdiff_t stride;
+  const std::int32_t* visible;   ///< [N]
+  const std::int32_t* splat_of;  ///< [N]
+  const std::int32_t* slot_of;   ///< [N] first slot of each Gaussian
+  Splat* splats;                 ///< [V]
+  std::int32_t* gaussian;        ///< [V]
+  std::int32_t* slot_begin;      ///< [V]
+  std::uint32_t* depth_key;      ///< [V]
+  std::int32_t* order;           ///< [V]
+
+  template <class Lanes>
+  LANGGS_HD void operator()(const Lanes& lanes) const {
+    const auto wanted = (lanes.load(visible) != 0) & lanes.active();
+    if (!lanes.any(wanted)) return;
+    const auto at = [&](ProjectedPlane plane) { return lanes.values(lanes.load(projected + plane * stride)); };
+    const auto colour = [&](Plane plane) { return lanes.values(lanes.load(map.plane(plane))); };
+    const auto x = at(kPixelX), y = at(kPixelY), half_xx = at(kHalfXX), xy = at(kXY), half_yy = at(kHalfYY);
+    const auto log_opacity = at(kLogOpacity), depth = at(kDepth), half_width = at(kHalfWidth),
+               half_height = at(kHalfHeight);
+    const auto red = colour(kRed), green = colour(kGreen), blue = colour(kBlue);
+    const auto index = lanes.values(lanes.index()), splat = lanes.values(lanes.load(splat_of)),
+               slot = lanes.values(lanes.load(slot_of));
+    lanes.each(wanted, [&](int l) LANGGS_INLINE_LAMBDA {
+      const int c = splat[l];
+      splats[c] = {x[l],   y[l],     half_xx[l], xy[l],    half_yy[l],    log_opacity[l],
+                   red[l], green[l], blue[l],    depth[l], half_width[l], half_height[l]};
+      gaussian[c] = index[l];
+      slot_begin[c] = slot[l];
+      order[c] = c;
+      // Positive floats order as their bits.
+      const float z = depth[l];
+      std::memcpy(&depth_key[c], &z, sizeof(float));
+    });
   }
 };
 
@@ -165,36 +144,43 @@ struct PackSplats {
 /// they have from near to far: a store to anywhere is cheap, a load from anywhere is not.
 struct EmitInstances {
   TileGrid grid;
+  const float* projected;
+  std::ptrdiff_t stride;
+  const std::int32_t* visible;     ///< [N]
+  const std::int32_t* splat_of;    ///< [N]
+  const std::int32_t* slot_of;     ///< [N]
   const std::int32_t* emit_begin;  ///< [V] by splat: places of its pairs, in order of depth
-  const std::int32_t* slot_begin;  ///< [V + 1] by splat
-  const Splat* splats;
-  std::uint32_t* tile;  ///< [I]
-  std::int32_t* slot;   ///< [I]
-  Instance* instance;   ///< [I] by slot
+  KeyValue* tile_slot;             ///< [I]
+  Instance* instance;              ///< [I] by slot
 
-  LANGGS_HD void operator()(int c) const {
-    const Splat& s = splats[c];
-    const TileBox box(s, grid.width, grid.height);
-    if (box.count() == 0) return;
-    const RowsOfColumns rows_of(s, box);
-    int e = emit_begin[c], k = slot_begin[c];
-    for (int column = box.first_tile_column(); column <= box.last_tile_column(); ++column) {
-      int first, last;
-      rows_of(column * TileGrid::kSize, column * TileGrid::kSize + TileGrid::kSize - 1, first, last);
-      for (int row = box.first_tile_row(); row <= box.last_tile_row(); ++row) {
-        const int top = row * TileGrid::kSize;
-        tile[e] = static_cast<std::uint32_t>(row * grid.columns + column);
-        slot[e++] = k;
-        instance[k++] = {c, warp_of(max(first - top, 0)), warp_of(min(last - top, TileGrid::kSize - 1))};
+  template <class Lanes>
+  LANGGS_HD void operator()(const Lanes& lanes) const {
+    using Int = VaryingOf<std::int32_t, Lanes>;
+    const auto wanted = (lanes.load(visible) != 0) & lanes.active();
+    if (!lanes.any(wanted)) return;
+    const auto splat = lanes.load(splat_of);
+    const auto c = lanes.values(splat);
+    Int place = lanes.gather(emit_begin, splat), next_slot = lanes.load(slot_of);
+    lanes.prefetch(tile_slot, place);
+    const TileCover<Lanes> cover(lanes, load_outline(lanes, projected, stride), grid, wanted);
+    for (int k = 0; k < lanes.max(cover.num_columns()); ++k) {
+      const TileColumn<Int> column = cover.column(k);
+      const Int tile_column = cover.tile_column(k);
+      for (int r = 0; r < lanes.max(column.num_tiles); ++r) {
+        const auto reached = column.num_tiles > r;
+        const Int row = column.first_tile_row + r;
+        const auto e = lanes.values(place), s = lanes.values(next_slot),
+                   t = lanes.values(row * grid.columns + tile_column), first = lanes.values(column.first_warp_of(row)),
+                   last = lanes.values(column.last_warp_of(row));
+        lanes.each(reached, [&](int l) LANGGS_INLINE_LAMBDA {
+          tile_slot[e[l]] = {static_cast<std::uint32_t>(t[l]), s[l]};
+          instance[s[l]] = {c[l], static_cast<std::int16_t>(first[l]), static_cast<std::int16_t>(last[l])};
+        });
+        const Int one = select(reached, Int(1), Int(0));
+        place += one;
+        next_slot += one;
       }
     }
-  }
-
- private:
-  /// The warp of a row of a tile; rows beyond the tile stay beyond its warps.
-  static LANGGS_INLINE std::int16_t warp_of(int row) {
-    static_assert(TileGrid::kRowsPerWarp == 2);
-    return static_cast<std::int16_t>(row >> 1);
   }
 };
 
@@ -206,7 +192,7 @@ class SplatList {
   void build(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
     grid_ = TileGrid(view.camera);
     project(executor, map, view);
-    sort_into_tiles(executor);
+    sort_into_tiles(executor, map);
   }
 
   [[nodiscard]] const TileGrid& grid() const { return grid_; }
@@ -224,39 +210,32 @@ class SplatList {
   void project(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
     const int n = map.size;
     projected_.resize_discard(static_cast<std::size_t>(kNumProjected) * map.stride);
-    visible_.resize_discard(n);
-    gaussian_.resize_discard(n + 1);
+    for (auto* buffer : {&visible_, &num_tiles_}) buffer->resize_discard(n);
+    for (auto* buffer : {&splat_of_, &slot_of_}) buffer->resize_discard(n + 1);
     for_each_lanes(executor, n, ProjectGaussians{map, view, projected_.data(), map.stride, visible_.data()});
-    num_splats_ = select_flagged(executor, visible_.data(), gaussian_.data(), n);
+    for_each_lanes(executor, n, CountTiles{grid_, projected_.data(), map.stride, visible_.data(), num_tiles_.data()});
+    num_splats_ = exclusive_scan(executor, visible_.data(), splat_of_.data(), n);
+    num_instances_ = exclusive_scan(executor, num_tiles_.data(), slot_of_.data(), n);
+    for (auto* buffer : {&gaussian_, &order_, &emit_begin_}) buffer->resize_discard(num_splats_);
     splats_.resize_discard(num_splats_);
     depth_key_.resize_discard(num_splats_);
-    num_tiles_.resize_discard(num_splats_);
-    for_each_n(executor, num_splats_,
-               PackSplats{map, view.camera, projected_.data(), map.stride, gaussian_.data(), splats_.data(),
-                          depth_key_.data(), num_tiles_.data()});
+    slot_begin_.resize_discard(num_splats_ + 1);
+    for_each_lanes(executor, n,
+                   PackSplats{map, projected_.data(), map.stride, visible_.data(), splat_of_.data(), slot_of_.data(),
+                              splats_.data(), gaussian_.data(), slot_begin_.data(), depth_key_.data(), order_.data()});
+    slot_begin_.data()[num_splats_] = num_instances_;
   }
 
-  void sort_into_tiles(const Executor<Backend>& executor) {
-    slot_begin_.resize_discard(num_splats_ + 1);
-    emit_begin_.resize_discard(num_splats_);
-    order_.resize_discard(num_splats_);
-    num_instances_ = exclusive_scan(executor, num_tiles_.data(), slot_begin_.data(), num_splats_);
-    for (int c = 0; c < num_splats_; ++c) order_.data()[c] = c;
-    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_);
-    std::int32_t total = 0;
-    for (int rank = 0; rank < num_splats_; ++rank) {
-      const int c = order_.data()[rank];
-      emit_begin_.data()[c] = total;
-      total += num_tiles_.data()[c];
-    }
-    tile_.resize_discard(num_instances_);
-    slot_.resize_discard(num_instances_);
-    instance_.resize_discard(num_instances_);
+  void sort_into_tiles(const Executor<Backend>& executor, const PlanesView& map) {
+    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_, sort_scratch_);
+    scan_in_order(executor, order_.data(), slot_begin_.data(), emit_begin_.data(), num_splats_);
+    tile_slot_.resize_discard(num_instances_);
     sorted_slot_.resize_discard(num_instances_);
-    for_each_n(executor, num_splats_,
-               EmitInstances{grid_, emit_begin_.data(), slot_begin_.data(), splats_.data(), tile_.data(), slot_.data(),
-                             instance_.data()});
-    group_by_key(executor, tile_.data(), slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
+    instance_.resize_discard(num_instances_);
+    for_each_lanes(executor, map.size,
+                   EmitInstances{grid_, projected_.data(), map.stride, visible_.data(), splat_of_.data(),
+                                 slot_of_.data(), emit_begin_.data(), tile_slot_.data(), instance_.data()});
+    group_by_key(executor, tile_slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
                  scratch_);
   }
 
@@ -264,11 +243,13 @@ class SplatList {
   int num_splats_ = 0, num_instances_ = 0;
   Buffer<float, Backend> projected_;
   Buffer<Splat, Backend> splats_;
-  Buffer<std::uint32_t, Backend> depth_key_, tile_;
-  Buffer<std::int32_t, Backend> visible_, gaussian_, num_tiles_, slot_begin_, emit_begin_, order_;
-  Buffer<std::int32_t, Backend> slot_, sorted_slot_;
+  Buffer<std::uint32_t, Backend> depth_key_;
+  Buffer<KeyValue, Backend> tile_slot_;
+  Buffer<std::int32_t, Backend> visible_, num_tiles_, splat_of_, slot_of_, gaussian_, slot_begin_, emit_begin_, order_;
+  Buffer<std::int32_t, Backend> sorted_slot_;
   Buffer<Instance, Backend> instance_;
   std::vector<std::int32_t> tile_begin_, scratch_;
+  SortScratch sort_scratch_;
 };
 
 }  // namespace langgs

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <vector>
+
+#include "langgs/optimize/adam.hpp"
+#include "langgs/optimize/geometric_loss.hpp"
+#include "langgs/render/topk_rasterizer.hpp"
+#include "render/render_scene.hpp"
+#include "support/allocations.hpp"
+
+using namespace langgs;
+
+TEST_CASE("the counter of allocations counts") {
+  const long before = test::num_allocations();
+  std::vector<int> some(1000);
+  CHECK(some.size() == 1000);
+  const Buffer<float, Host> buffer(100);
+  CHECK(buffer.size() == 100);
+  CHECK(test::num_allocations() == before + 2);
+}
+
+TEST_CASE("rendering, its loss, the backward pass and Adam allocate nothing once they have seen the views") {
+  constexpr int kViews = 3;
+  for (const int threads : {1, 3}) {
+    CAPTURE(threads);
+    const Executor<Host> executor(threads);
+    // Enough Gaussians for a sort on all threads.
+    const test::RenderScene scene = test::random_scene(160, 120, 12000, {}, 5);
+    GaussianMap<1> map = scene.map();
+    const int n = scene.camera.num_pixels();
+    Buffer<float, Host> target(4 * n), upstream(4 * n);
+    target.fill(0.5f);
+    std::vector<View> views;
+    for (int v = 0; v < kViews; ++v) {
+      Twist motion;
+      motion << 0.1 * v, 0, 0, 0, 0.05 * v, 0;
+      views.emplace_back(scene.camera, scene.T_world_camera * se3_exp(motion));
+    }
+    TopKRasterizer<3> rasterizer;
+    GeometricLoss<Host> loss;
+    MapGradient<Host> gradient;
+    LearningRates still;  // the map stays the same, and so do the sizes that the buffers need
+    still.mean = still.log_scale = still.rotation = still.opacity_logit = still.colour = 0;
+    const SelectiveAdam<Host> adam(still);
+    const auto round = [&] {
+      for (const View& view : views)
+        for (const bool record_topk : {false, true}) {
+          rasterizer.render(executor, map.geometry(), view, record_topk);
+          loss.evaluate(
+              executor,
+              {rasterizer.rendered().colour, rasterizer.rendered().depth, view.camera.width, view.camera.height},
+              {target.data(), target.data() + 3 * n, view.camera.width, view.camera.height},
+              {upstream.data(), upstream.data() + 3 * n});
+          rasterizer.backward(executor, map.geometry(), view, {upstream.data(), upstream.data() + 3 * n}, gradient);
+          adam.step(executor, map, gradient);
+        }
+    };
+    round();
+    round();
+    const long before = test::num_allocations();
+    round();
+    round();
+    const long allocations = test::num_allocations() - before;
+    CHECK(gradient.size() > 4096);
+    CHECK(allocations == 0);
+  }
+}
