@@ -65,7 +65,7 @@ class Lanes {
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {
     static_assert(sizeof(T) == 4);
-    if (count_ == kLanes) return gather_all(base, index);
+    if (count_ == kLanes) return host::gather(base, index);
     const LaneValues<std::int32_t> where(index);
     alignas(64) T lanes[kLanes] = {};
     for (int i = 0; i < count_; ++i) lanes[i] = base[where[i]];
@@ -99,27 +99,6 @@ class Lanes {
   }
 
  private:
-  /// Neither GCC nor Clang makes the instruction of a loop here.
-  template <class T>
-  LANGGS_INLINE static Varying<T> gather_all(const T* base, const Varying<std::int32_t>& index) {
-#if defined(__AVX2__)
-    Varying<T> r;
-    for (int i = 0; i < kNumParts; ++i) {
-#if defined(__AVX512F__)
-      const auto where = reinterpret_cast<__m512i>(index.part[i]);
-      const __m512i part = _mm512_mask_i32gather_epi32(__m512i{}, 0xFFFF, where, base, sizeof(T));
-#else
-      const auto where = reinterpret_cast<__m256i>(index.part[i]);
-      const __m256i part = _mm256_i32gather_epi32(reinterpret_cast<const int*>(base), where, sizeof(T));
-#endif
-      std::memcpy(&r.part[i], &part, sizeof(part));
-    }
-    return r;
-#else
-    return host::gather(base, index);
-#endif
-  }
-
   int first_, count_;
 };
 

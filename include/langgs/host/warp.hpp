@@ -97,11 +97,7 @@ class Warp {
   /// base[index]; every lane reads.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {
-    alignas(64) std::int32_t where[kLanes];
-    alignas(64) T lanes[kLanes];
-    index.store(where);
-    for (int i = 0; i < kLanes; ++i) lanes[i] = base[where[i]];
-    return Varying<T>::load(lanes);
+    return host::gather(base, index);
   }
 
   /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.

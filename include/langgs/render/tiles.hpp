@@ -86,7 +86,7 @@ struct WarpPixels {
 /// A splat in one tile, with the tile's warps that it reaches.
 struct Instance {
   std::int32_t splat;
-  std::int16_t first_warp, last_warp;  ///< inclusive; none where last < first
+  std::int16_t first_warp, last_warp;  ///< inclusive
 
   [[nodiscard]] LANGGS_INLINE WarpRange warps() const { return {first_warp, last_warp}; }
 };

@@ -68,9 +68,8 @@ class TopKRecorder {
     block.warps([&](const auto& warp) LANGGS_INLINE_LAMBDA { weights_.settle(warp); });
     block.sync();
     block.threads(n, [&](auto thread) LANGGS_INLINE_LAMBDA {
-      const WarpRange warps = warps_of(thread.index);
       planes_.place_max_weight[place_of(first + thread.index)] =
-          warps.first <= warps.last ? shared.largest.max(thread.index, warps) : 0.f;
+          shared.largest.max(thread.index, warps_of(thread.index));
     });
   }
 
