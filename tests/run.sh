@@ -82,8 +82,14 @@ if ((!quick)) && command -v clang++ >/dev/null; then headers_elsewhere=(-LE head
 unity=(-DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=0)
 if ((quick)); then unity=(-DCMAKE_UNITY_BUILD=OFF); fi
 
+# Our programs are built for this machine; the tests of the kernels also for those with less.
+architectures=()
+if ((!quick)) && grep -qw avx2 /proc/cpuinfo && grep -qw fma /proc/cpuinfo; then
+  architectures=("-DLANGGS_TEST_ARCHITECTURES=x86-64-v3;x86-64")
+fi
+
 mkdir -p build
-if build release all "${unity[@]}" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER="${CXX:-g++}"; then
+if build release all "${unity[@]}" "${architectures[@]}" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER="${CXX:-g++}"; then
   run_ctest release "${headers_elsewhere[@]}"
 fi
 
