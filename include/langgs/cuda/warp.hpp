@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "langgs/core/config.hpp"
+#include "langgs/core/half.hpp"
+#include "langgs/device/math.hpp"
+
+/// @file The CUDA twin of host/warp.hpp. A lane is a thread, so `Varying<T>` is a plain T and a mask is a bool.
+
+namespace langgs::cuda {
+
+inline constexpr int kLanes = 32;
+inline constexpr unsigned kAllLanes = 0xFFFFFFFFu;
+
+using Mask = bool;
+
+struct Thread {
+  int index;
+};
+
+/// Warps first .. last of a block, inclusive; none where last < first.
+struct WarpRange {
+  int first, last;
+};
+
+/// 32 lanes; code at warp scope is run by all of them and takes the same branches in all of them.
+class Warp {
+ public:
+  __device__ __forceinline__ explicit Warp(int thread) : index_(thread / kLanes), lane_(thread % kLanes) {}
+  [[nodiscard]] __device__ __forceinline__ int index() const { return index_; }
+  /// 0 .. 31.
+  [[nodiscard]] __device__ __forceinline__ std::int32_t lane_index() const { return lane_; }
+  [[nodiscard]] __device__ __forceinline__ bool any(Mask mask) const { return __any_sync(kAllLanes, mask) != 0; }
+  [[nodiscard]] __device__ __forceinline__ bool all(Mask mask) const { return __all_sync(kAllLanes, mask) != 0; }
+  /// The tree xor 16, 8, 4, 2, 1: the host's order of additions, and the same bits in every lane.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T sum(T value) const {
+#pragma unroll
+    for (int step = kLanes / 2; step >= 1; step /= 2) value = value + __shfl_xor_sync(kAllLanes, value, step);
+    return value;
+  }
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T max(T value) const {
+#pragma unroll
+    for (int step = kLanes / 2; step >= 1; step /= 2) {
+      const T other = __shfl_xor_sync(kAllLanes, value, step);
+      value = value > other ? value : other;
+    }
+    return value;
+  }
+  /// base[0 .. 31] for the 32 lanes.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T load(const T* base) const {
+    return base[lane_];
+  }
+  /// base[0 .. 31] = v.
+  template <class T>
+  __device__ __forceinline__ void store(T* base, const T& v) const {
+    base[lane_] = v;
+  }
+  /// A GPU hides latency with other warps.
+  __device__ __forceinline__ void prefetch(const float*) const {}
+  /// base[0 .. 31] from half precision; lanes from `count` on are 0 and are not read.
+  [[nodiscard]] __device__ __forceinline__ float load_half(const Half* base, int count) const {
+    return lane_ < count ? static_cast<float>(base[lane_]) : 0.f;
+  }
+  /// Bit i is set where the mask holds in lane i.
+  [[nodiscard]] __device__ __forceinline__ std::uint32_t ballot(Mask mask) const {
+    return __ballot_sync(kAllLanes, mask);
+  }
+  /// The mask whose bits are set in `word`.
+  [[nodiscard]] __device__ __forceinline__ Mask unballot(std::uint32_t word) const {
+    return ((word >> lane_) & 1u) != 0;
+  }
+  /// base[index] = v in the lanes where `wanted`.
+  template <class T>
+  __device__ __forceinline__ void scatter(T* base, std::int32_t index, Mask wanted, T v) const {
+    if (wanted) base[index] = v;
+  }
+  /// base[index] in the lanes where `wanted`, `otherwise` in the others, which do not read.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index, Mask wanted, T otherwise) const {
+    return wanted ? base[index] : otherwise;
+  }
+  /// base[index]; every lane reads.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ T gather(const T* base, std::int32_t index) const {
+    return base[index];
+  }
+
+  /// The warp's threads as rows of kColumns pixels: base[row * pitch + column], or `outside` beyond the valid part.
+  template <int kColumns, class T>
+  [[nodiscard]] __device__ __forceinline__ T load_rect(const T* base, std::ptrdiff_t pitch, int columns, int rows,
+                                                       T outside) const {
+    const int row = lane_ / kColumns, column = lane_ % kColumns;
+    return row < rows && column < columns ? base[row * pitch + column] : outside;
+  }
+  template <int kColumns, class T>
+  __device__ __forceinline__ void store_rect(T* base, std::ptrdiff_t pitch, int columns, int rows, T v) const {
+    const int row = lane_ / kColumns, column = lane_ % kColumns;
+    if (row < rows && column < columns) base[row * pitch + column] = v;
+  }
+
+ private:
+  int index_, lane_;
+};
+
+}  // namespace langgs::cuda
