@@ -25,6 +25,7 @@
 /// | `block.for_each_item(n, range, f)` | own warp's items, ballot   | loop over the items                    |
 /// | `item.warps(f)`                    | `f` once, own warp         | loop over the item's warps             |
 /// | `ItemTotals<N, n>`                 | shared memory, a row a warp| one reduction over all warps           |
+/// | `KLargest<K, n>`                   | registers, inserted at once| offers set aside, inserted by `settle` |
 /// | `PerThread<T>`, `PerWarp<T>`       | one register               | an aligned row                         |
 /// | `SharedArray<T, N>`                | shared memory              | per-worker scratch                     |
 ///

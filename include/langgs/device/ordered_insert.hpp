@@ -6,9 +6,9 @@
 namespace langgs {
 
 /// Inserts (value, tag) into K values in descending order with their tags, where it is larger than the last of them.
-/// Of equal values the one that came first stays first. V and I are one float and one int, or a SIMD vector of each.
-template <int K, class V, class I>
-LANGGS_INLINE void ordered_insert(V (&values)[K], I (&tags)[K], const V& value, const I& tag) {
+/// Of equal values the one that came first stays first. One float and one int, or a SIMD vector of each.
+template <int K, class Value, class Tag>
+LANGGS_INLINE void ordered_insert(Value (&values)[K], Tag (&tags)[K], const Value& value, const Tag& tag) {
   // From the smallest place up: a place takes its upper neighbour where `value` is larger than the neighbour too.
   auto larger = value > values[K - 1];
   LANGGS_UNROLL
