@@ -93,12 +93,63 @@ void backward(benchmark::State& state, const Workload& work) {
   for (auto _ : state) stages.backward(work, work.views.front());
 }
 
+/// The tile kernels alone and the way from their sums to the parameters, of the first view.
+struct TileStages {
+  Executor<Host> executor;
+  const Workload& work;
+  SplatList<Host> splats;
+  Buffer<float, Host> planes, upstream, slot_sums;
+  MapGradient<Host> map_gradient;
+
+  TileStages(benchmark::State& state, const Workload& workload)
+      : executor(static_cast<int>(state.range(0))), work(workload) {
+    splats.build(executor, work.map.geometry(), view());
+    const std::size_t n = view().camera.num_pixels();
+    planes.resize_discard(5 * n);
+    upstream.resize_discard(4 * n);
+    upstream.fill(1.f / static_cast<float>(n));
+    slot_sums.resize_discard(static_cast<std::size_t>(splats.num_instances()) * kSplatSumStride);
+    blend();
+    blend_backward();
+    state.counters["instances"] = splats.num_instances();
+  }
+  [[nodiscard]] const View& view() const { return work.views.front(); }
+  [[nodiscard]] RenderPlanes rendered() {
+    const std::size_t n = view().camera.num_pixels();
+    return {planes.data(), planes.data() + 3 * n, planes.data() + 4 * n};
+  }
+  void blend() {
+    launch(executor, splats.grid().count(), TileForward<0>{splats.grid(), splats.instances(), rendered(), {}});
+  }
+  void blend_backward() {
+    const std::size_t n = view().camera.num_pixels();
+    launch(executor, splats.grid().count(),
+           TileBackward{splats.grid(),
+                        splats.instances(),
+                        rendered(),
+                        {upstream.data(), upstream.data() + 3 * n},
+                        slot_sums.data()});
+  }
+  void gradient() { map_gradient.from_slot_sums(executor, work.map.geometry(), view(), splats, slot_sums.data()); }
+};
+template <void (TileStages::*kStage)()>
+void tile_stage(benchmark::State& state, const Workload& work) {
+  TileStages stages(state, work);
+  for (auto _ : state) (stages.*kStage)();
+}
+
 using Family = void (*)(benchmark::State&, const Workload&);
-const std::pair<const char*, Family> kFamilies[] = {
-    {"splat_list", build_list},   {"forward", forward<0>},
-    {"forward_top1", forward<1>}, {"forward_top3", forward<3>},
-    {"forward_top5", forward<5>}, {"forward_top10", forward<10>},
-    {"backward", backward},       {"forward_backward", forward_backward<0>}};
+const std::pair<const char*, Family> kFamilies[] = {{"splat_list", build_list},
+                                                    {"blend", tile_stage<&TileStages::blend>},
+                                                    {"blend_backward", tile_stage<&TileStages::blend_backward>},
+                                                    {"gradient", tile_stage<&TileStages::gradient>},
+                                                    {"forward", forward<0>},
+                                                    {"forward_top1", forward<1>},
+                                                    {"forward_top3", forward<3>},
+                                                    {"forward_top5", forward<5>},
+                                                    {"forward_top10", forward<10>},
+                                                    {"backward", backward},
+                                                    {"forward_backward", forward_backward<0>}};
 
 void apply(benchmark::internal::Benchmark* b) {
   b->ArgName("threads")->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
