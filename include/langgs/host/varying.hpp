@@ -45,7 +45,8 @@ inline constexpr int kNumParts = kLanes * 4 / kNativeBytes;
 
 namespace detail {
 
-/// Stores a native vector past the caches, where the machine can. `to` is aligned to it.
+/// Stores a native vector past the caches, where the machine can. `to` is aligned to it. Such stores are ordered before
+/// the next locked instruction of the thread: every hand-over of the worker pool has one.
 template <class Native>
 LANGGS_INLINE void stream(const Native& v, void* to) {
 #if defined(__AVX512F__)
