@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "langgs/host/lane_math.hpp"
+#include "langgs/host/lane_memory.hpp"
 #include "langgs/host/lane_reductions.hpp"
 #include "langgs/host/varying.hpp"
 
@@ -64,12 +65,7 @@ class Lanes {
   }
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) const {
-    static_assert(sizeof(T) == 4);
-    if (count_ == kLanes) return host::gather(base, index);
-    const LaneValues<std::int32_t> where(index);
-    alignas(64) T lanes[kLanes] = {};
-    for (int i = 0; i < count_; ++i) lanes[i] = base[where[i]];
-    return Varying<T>::load(lanes);
+    return host::gather(base, index, active(), T(0));
   }
   /// sums[v] = the sum over the rows begin[index()] .. begin[index() + 1] of rows[row * kStride + v], in row order.
   template <int kStride, int N>

@@ -263,26 +263,6 @@ LANGGS_INLINE Varying<To> convert(const Varying<From>& a) {
   return r;
 }
 
-/// base[index] per lane. Neither GCC nor Clang makes the instruction of a loop here.
-template <class T>
-LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
-  Varying<T> r;
-  LANGGS_FOR_PARTS {
-#if defined(__AVX512F__)
-    const auto where = reinterpret_cast<__m512i>(index.part[i]);
-    const __m512i part = _mm512_mask_i32gather_epi32(__m512i{}, 0xFFFF, where, base, sizeof(T));
-    std::memcpy(&r.part[i], &part, sizeof(part));
-#elif defined(__AVX2__)
-    const auto where = reinterpret_cast<__m256i>(index.part[i]);
-    const __m256i part = _mm256_i32gather_epi32(reinterpret_cast<const int*>(base), where, sizeof(T));
-    std::memcpy(&r.part[i], &part, sizeof(part));
-#else
-    for (int l = 0; l < Varying<T>::kNativeLanes; ++l) r.part[i][l] = base[index.part[i][l]];
-#endif
-  }
-  return r;
-}
-
 /// 0 .. 31.
 LANGGS_INLINE Varying<std::int32_t> lane_index() {
   alignas(64) static constexpr std::int32_t kIndices[kLanes] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10,

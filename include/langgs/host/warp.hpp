@@ -7,6 +7,7 @@
 
 #include "langgs/core/half.hpp"
 #include "langgs/host/lane_math.hpp"
+#include "langgs/host/lane_memory.hpp"
 #include "langgs/host/lane_reductions.hpp"
 #include "langgs/host/varying.hpp"
 
@@ -75,24 +76,13 @@ class Warp {
   template <class T>
   LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted,
                              const Varying<T>& v) const {
-    alignas(64) std::int32_t where[kLanes], which[kLanes];
-    alignas(64) T lanes[kLanes];
-    index.store(where);
-    wanted.store(which);
-    v.store(lanes);
-    for (int i = 0; i < kLanes; ++i)
-      if (which[i] != 0) base[where[i]] = lanes[i];
+    host::scatter(base, index, wanted, v);
   }
   /// base[index] in the lanes where `wanted`, `otherwise` in the others, which do not read.
   template <class T>
   [[nodiscard]] LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
                                                 T otherwise) const {
-    alignas(64) std::int32_t where[kLanes], which[kLanes];
-    alignas(64) T lanes[kLanes];
-    index.store(where);
-    wanted.store(which);
-    for (int i = 0; i < kLanes; ++i) lanes[i] = which[i] != 0 ? base[where[i]] : otherwise;
-    return Varying<T>::load(lanes);
+    return host::gather(base, index, wanted, otherwise);
   }
   /// base[index]; every lane reads.
   template <class T>

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#include "langgs/host/lane_reductions.hpp"
+#include "langgs/host/varying.hpp"
+
+/// @file Memory at an index of each lane. Neither GCC nor Clang makes the instructions of a loop here.
+
+namespace langgs::host {
+
+/// base[index] in the lanes where `wanted`, `otherwise` in the others, which do not read.
+template <class T>
+LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted, T otherwise) {
+  Varying<T> r(otherwise);
+  LANGGS_FOR_PARTS {
+#if defined(__AVX512F__)
+    __m512i part;
+    std::memcpy(&part, &r.part[i], sizeof(part));
+    part = _mm512_mask_i32gather_epi32(part, static_cast<__mmask16>(detail::bits_of_part(wanted.part[i])),
+                                       reinterpret_cast<__m512i>(index.part[i]), base, sizeof(T));
+    std::memcpy(&r.part[i], &part, sizeof(part));
+#elif defined(__AVX2__)
+    __m256i part;
+    std::memcpy(&part, &r.part[i], sizeof(part));
+    part =
+        _mm256_mask_i32gather_epi32(part, reinterpret_cast<const int*>(base), reinterpret_cast<__m256i>(index.part[i]),
+                                    reinterpret_cast<__m256i>(wanted.part[i]), sizeof(T));
+    std::memcpy(&r.part[i], &part, sizeof(part));
+#else
+    for (int l = 0; l < Varying<T>::kNativeLanes; ++l)
+      if (wanted.part[i][l] != 0) r.part[i][l] = base[index.part[i][l]];
+#endif
+  }
+  return r;
+}
+/// base[index]; every lane reads.
+template <class T>
+LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
+  return gather(base, index, Mask(-1), T(0));
+}
+
+/// base[index] = v in the lanes where `wanted`, in ascending order.
+template <class T>
+LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted, const Varying<T>& v) {
+  LANGGS_FOR_PARTS {
+#if defined(__AVX512F__)
+    _mm512_mask_i32scatter_epi32(base, static_cast<__mmask16>(detail::bits_of_part(wanted.part[i])),
+                                 reinterpret_cast<__m512i>(index.part[i]), reinterpret_cast<__m512i>(v.part[i]),
+                                 sizeof(T));
+#else
+    for (int l = 0; l < Varying<T>::kNativeLanes; ++l)
+      if (wanted.part[i][l] != 0) base[index.part[i][l]] = v.part[i][l];
+#endif
+  }
+}
+
+}  // namespace langgs::host
