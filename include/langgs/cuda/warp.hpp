@@ -63,9 +63,15 @@ class Warp {
   }
   /// A GPU hides latency with other warps.
   __device__ __forceinline__ void prefetch(const float*) const {}
-  /// base[0 .. 31] from half precision; lanes from `count` on are 0 and are not read.
-  [[nodiscard]] __device__ __forceinline__ float load_half(const Half* base, int count) const {
+  /// base[0 .. 31] of a row of channels, stored as float or half; lanes from `count` on are 0 and are not read.
+  template <class T>
+  [[nodiscard]] __device__ __forceinline__ float load_channels(const T* base, int count) const {
     return lane_ < count ? static_cast<float>(base[lane_]) : 0.f;
+  }
+  /// base[0 .. 31] = v in the lanes before `count`, rounded to the nearest T.
+  template <class T>
+  __device__ __forceinline__ void store_channels(T* base, int count, float v) const {
+    if (lane_ < count) base[lane_] = static_cast<T>(v);
   }
   /// Bit i is set where the mask holds in lane i.
   [[nodiscard]] __device__ __forceinline__ std::uint32_t ballot(Mask mask) const {

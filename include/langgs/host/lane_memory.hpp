@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <cstring>
 
+#include "langgs/core/half.hpp"
 #include "langgs/host/lane_reductions.hpp"
 #include "langgs/host/varying.hpp"
 
-/// @file Memory at an index of each lane. Neither GCC nor Clang makes the instructions of a loop here.
+/// @file Memory at an index of each lane, and values in half precision. Neither GCC nor Clang makes the instructions of
+/// a loop here.
 
 namespace langgs::host {
 
@@ -55,6 +57,47 @@ LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Ma
       if (wanted.part[i][l] != 0) base[index.part[i][l]] = v.part[i][l];
 #endif
   }
+}
+
+/// base[0 .. 31] from half precision.
+LANGGS_INLINE Varying<float> load_half(const Half* base) {
+  Varying<float> r;
+#if defined(__AVX512F__)
+  LANGGS_FOR_PARTS {
+    __m256i bits;
+    std::memcpy(&bits, base + i * 16, sizeof(bits));
+    r.part[i] = reinterpret_cast<Varying<float>::Native>(_mm512_cvtph_ps(bits));
+  }
+#elif defined(__F16C__)
+  LANGGS_FOR_PARTS {
+    __m128i bits;
+    std::memcpy(&bits, base + i * 8, sizeof(bits));
+    r.part[i] = reinterpret_cast<Varying<float>::Native>(_mm256_cvtph_ps(bits));
+  }
+#else
+  alignas(64) float lanes[kLanes];
+  for (int i = 0; i < kLanes; ++i) lanes[i] = static_cast<float>(base[i]);
+  r = Varying<float>::load(lanes);
+#endif
+  return r;
+}
+/// base[0 .. 31] = v, rounded to the nearest half.
+LANGGS_INLINE void store_half(Half* base, const Varying<float>& v) {
+#if defined(__AVX512F__)
+  LANGGS_FOR_PARTS {
+    const __m256i bits = _mm512_cvtps_ph(reinterpret_cast<__m512>(v.part[i]), _MM_FROUND_TO_NEAREST_INT);
+    std::memcpy(base + i * 16, &bits, sizeof(bits));
+  }
+#elif defined(__F16C__)
+  LANGGS_FOR_PARTS {
+    const __m128i bits = _mm256_cvtps_ph(reinterpret_cast<__m256>(v.part[i]), _MM_FROUND_TO_NEAREST_INT);
+    std::memcpy(base + i * 8, &bits, sizeof(bits));
+  }
+#else
+  alignas(64) float lanes[kLanes];
+  v.store(lanes);
+  for (int i = 0; i < kLanes; ++i) base[i] = Half(lanes[i]);
+#endif
 }
 
 }  // namespace langgs::host

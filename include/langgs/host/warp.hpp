@@ -56,15 +56,26 @@ class Warp {
     __builtin_prefetch(base + 16);
     __builtin_prefetch(base + 31);
   }
-  /// base[0 .. 31] from half precision; lanes from `count` on are 0 and are not read.
-  [[nodiscard]] LANGGS_INLINE Varying<float> load_half(const Half* base, int count) const {
-    alignas(64) float lanes[kLanes] = {};
-    if (count >= kLanes) {
-      for (int i = 0; i < kLanes; ++i) lanes[i] = static_cast<float>(base[i]);
-    } else {
-      for (int i = 0; i < count; ++i) lanes[i] = static_cast<float>(base[i]);
+  /// base[0 .. 31] of a row of channels, stored as float or half; lanes from `count` on are 0 and are not read.
+  template <class T>
+  [[nodiscard]] LANGGS_INLINE Varying<float> load_channels(const T* base, int count) const {
+    if (count < kLanes) {
+      alignas(64) T lanes[kLanes] = {};
+      for (int i = 0; i < count; ++i) lanes[i] = base[i];
+      return whole_channels(lanes);
     }
-    return Varying<float>::load(lanes);
+    return whole_channels(base);
+  }
+  /// base[0 .. 31] = v in the lanes before `count`, rounded to the nearest T.
+  template <class T>
+  LANGGS_INLINE void store_channels(T* base, int count, const Varying<float>& v) const {
+    if (count < kLanes) {
+      alignas(64) T lanes[kLanes];
+      put_channels(lanes, v);
+      for (int i = 0; i < count; ++i) base[i] = lanes[i];
+    } else {
+      put_channels(base, v);
+    }
   }
   /// Bit i is set where the mask holds in lane i.
   [[nodiscard]] LANGGS_INLINE std::uint32_t ballot(const Mask& mask) const { return bits_of(mask); }
@@ -111,6 +122,11 @@ class Warp {
   }
 
  private:
+  static LANGGS_INLINE Varying<float> whole_channels(const float* base) { return Varying<float>::load(base); }
+  static LANGGS_INLINE Varying<float> whole_channels(const Half* base) { return load_half(base); }
+  static LANGGS_INLINE void put_channels(float* base, const Varying<float>& v) { v.store(base); }
+  static LANGGS_INLINE void put_channels(Half* base, const Varying<float>& v) { store_half(base, v); }
+
   int index_;
 };
 

@@ -50,7 +50,7 @@ struct FeatureSigns {
         for (int i = begin; i < end; ++i)
           sum += contributions.weight[i] *
                  warp.load(features + static_cast<std::ptrdiff_t>(contributions.gaussian[i]) * FeatDim + c);
-        const F target = warp.load_half(teacher + static_cast<std::ptrdiff_t>(p) * FeatDim + c, FeatDim - c);
+        const F target = warp.load_channels(teacher + static_cast<std::ptrdiff_t>(p) * FeatDim + c, FeatDim - c);
         const auto inside = warp.lane_index() < FeatDim - c;
         const F difference = select(inside, sum - target, F(0.f));
         difference_sum += abs(difference);
