@@ -59,6 +59,11 @@ LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Ma
   }
 }
 
+#if defined(__AVX512F__)
+// Masked, since GCC 12 warns of the unmasked forms of its own header (bug 105593).
+inline constexpr __mmask16 kAllParts = 0xFFFF;
+#endif
+
 /// base[0 .. 31] from half precision.
 LANGGS_INLINE Varying<float> load_half(const Half* base) {
   Varying<float> r;
@@ -66,7 +71,7 @@ LANGGS_INLINE Varying<float> load_half(const Half* base) {
   LANGGS_FOR_PARTS {
     __m256i bits;
     std::memcpy(&bits, base + i * 16, sizeof(bits));
-    r.part[i] = reinterpret_cast<Varying<float>::Native>(_mm512_cvtph_ps(bits));
+    r.part[i] = reinterpret_cast<Varying<float>::Native>(_mm512_maskz_cvtph_ps(kAllParts, bits));
   }
 #elif defined(__F16C__)
   LANGGS_FOR_PARTS {
@@ -85,13 +90,14 @@ LANGGS_INLINE Varying<float> load_half(const Half* base) {
 LANGGS_INLINE void store_half(Half* base, const Varying<float>& v) {
 #if defined(__AVX512F__)
   LANGGS_FOR_PARTS {
-    const __m256i bits = _mm512_cvtps_ph(reinterpret_cast<__m512>(v.part[i]), _MM_FROUND_TO_NEAREST_INT);
-    std::memcpy(base + i * 16, &bits, sizeof(bits));
+    const __m256i bits =
+        _mm512_maskz_cvtps_ph(kAllParts, reinterpret_cast<__m512>(v.part[i]), _MM_FROUND_TO_NEAREST_INT);
+    std::memcpy(static_cast<void*>(base + i * 16), &bits, sizeof(bits));
   }
 #elif defined(__F16C__)
   LANGGS_FOR_PARTS {
     const __m128i bits = _mm256_cvtps_ph(reinterpret_cast<__m256>(v.part[i]), _MM_FROUND_TO_NEAREST_INT);
-    std::memcpy(base + i * 8, &bits, sizeof(bits));
+    std::memcpy(static_cast<void*>(base + i * 8), &bits, sizeof(bits));
   }
 #else
   alignas(64) float lanes[kLanes];
