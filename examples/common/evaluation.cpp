@@ -84,6 +84,7 @@ Evaluation evaluate(Pipeline& pipeline, const EvaluationInput& input, const std:
     result.semantic_keyframes = confusion[0].score();
     result.semantic_held_out = confusion[1].score();
   }
+  result.teacher_cosine = pipeline.teacher_cosine();
   return result;
 }
 

@@ -29,6 +29,7 @@ struct Evaluation {
   std::optional<AteResult> ate;
   ImageScore keyframes, held_out;
   std::optional<SemanticScore> semantic_keyframes, semantic_held_out;
+  std::optional<double> teacher_cosine;  ///< mean over the pixels of the keyframes' feature maps
 };
 
 struct EvaluationInput {

@@ -111,6 +111,13 @@ void add_method_options(CLI::App& app, RunOptions& o) {
       ->check(CLI::IsMember({"topk", "blend"}))
       ->capture_default_str()
       ->group(group);
+  app.add_option(
+         "--feature-optimizer", o.feature_optimizer,
+         "average: each Gaussian keeps the mean of its teachers, features in half precision; adam: the paper's, "
+         "features and moments in full precision")
+      ->check(CLI::IsMember({"average", "adam"}))
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--schedule", o.schedule, "hybrid: features less often than geometry; joint: both always")
       ->check(CLI::IsMember({"hybrid", "joint"}))
       ->capture_default_str()
@@ -154,6 +161,12 @@ void add_run_options(CLI::App& app, RunOptions& o) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str()
       ->group(group);
+  app.add_option("--keyframe-memory", o.keyframe_memory,
+                 "most that keyframes may hold [MiB]; beyond it feature maps go first, then images, those of the most "
+                 "visited keyframes first")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--seed", o.seed, "seed of keyframe choice and pruning")->capture_default_str()->group(group);
   app.add_flag("--no-pictures", o.no_pictures, "write no pictures under renders/")->group(group);
 }
@@ -180,6 +193,8 @@ void check_together(const CLI::App& app, const RunOptions& o, const std::string&
   LANGGS_EXPECTS(o.has_features() || !given("--top-k"), "--top-k needs --features labels, texture or npy:DIR");
   LANGGS_EXPECTS(o.has_features() || !given("--feature-dim"),
                  "--feature-dim needs --features labels, texture or npy:DIR");
+  LANGGS_EXPECTS(o.has_features() || !given("--feature-optimizer"),
+                 "--feature-optimizer needs --features labels, texture or npy:DIR");
   LANGGS_EXPECTS(o.schedule == "hybrid" || !given("--feature-every"), "--feature-every needs --schedule hybrid");
 }
 
@@ -241,6 +256,7 @@ nlohmann::ordered_json to_json(const RunOptions& o) {
     j["feature-dim"] = o.feature_dim;
     j["feature-stride"] = o.feature_stride;
     j["feature-render"] = o.feature_render;
+    j["feature-optimizer"] = o.feature_optimizer;
     j["schedule"] = o.schedule;
     if (o.schedule == "hybrid") j["feature-every"] = o.feature_every;
   }
@@ -255,6 +271,7 @@ nlohmann::ordered_json to_json(const RunOptions& o) {
   j["no-pruning"] = o.no_pruning;
   j["no-redundancy"] = o.no_redundancy;
   j["no-pose-refinement"] = o.no_pose_refinement;
+  j["keyframe-memory"] = o.keyframe_memory;
   j["device"] = o.device;
   j["threads"] = o.threads;
   j["seed"] = o.seed;

@@ -26,11 +26,13 @@ struct RunOptions {
   int feature_stride = 4;
   int top_k = 3;
   std::string feature_render = "topk";
+  std::string feature_optimizer = "average";
 
   std::string mode = "lockstep";
   int iterations = 10;
   int final_iterations = 0;
   double fps = 0;
+  int keyframe_memory = 4096;  ///< [MiB]
   std::string schedule = "hybrid";
   int feature_every = 4;
   bool no_pruning = false, no_redundancy = false, no_pose_refinement = false;

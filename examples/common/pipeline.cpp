@@ -14,6 +14,7 @@ SlamSettings slam_settings(const RunOptions& o) {
   s.mapping.refine_poses = !o.no_pose_refinement;
   if (o.no_redundancy) s.mapping.redundancy.squared_distance = 0;
   s.mapping.feature_rendering = o.feature_render == "blend" ? FeatureRendering::blend : FeatureRendering::topk;
+  s.mapping.keyframe_bytes = static_cast<std::size_t>(o.keyframe_memory) << 20;
   s.iterations_per_frame = o.iterations;
   s.final_iterations = o.final_iterations;
   s.num_threads = o.threads;
@@ -27,6 +28,13 @@ std::string supported_k_text() { return "3, or with --feature-dim 512 also 1, 5,
 std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset& dataset,
                                         const std::vector<float>& class_vectors) {
   const int dim = options.has_features() ? options.feature_dim : 1;
+  if (options.has_features() && options.feature_optimizer == "adam") {
+    LANGGS_EXPECTS(dim == 512 && options.top_k == 3,
+                   "--feature-optimizer adam is compiled in for --feature-dim 512 and ", "--top-k 3 alone, not for ",
+                   dim, " and ", options.top_k,
+                   "; choose average, or add a file like examples/common/pipeline_d512_adam.cpp");
+    return make_pipeline_d512_adam(options, dataset, class_vectors);
+  }
   std::unique_ptr<Pipeline> pipeline = dim == 1     ? make_pipeline_d1(options, dataset, class_vectors)
                                        : dim == 16  ? make_pipeline_d16(options, dataset, class_vectors)
                                        : dim == 64  ? make_pipeline_d64(options, dataset, class_vectors)

@@ -5,12 +5,14 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "langgs/eval/association.hpp"
 #include "langgs/io/ply.hpp"
+#include "langgs/map/gaussian_map.hpp"
 #include "langgs/slam/report.hpp"
 
 namespace langgs {
@@ -23,14 +25,11 @@ namespace langgs::examples {
 class Dataset;
 struct RunOptions;
 
-/// A keyframe without its features; the images live as long as the pipeline.
+/// A keyframe without its images and features.
 struct KeyframeView {
   int frame_index = 0;
   double timestamp = 0;
   Pose T_world_camera = Pose::Identity();
-  const Image<std::uint8_t>* colour = nullptr;
-  const Image<float>* depth = nullptr;
-  std::size_t bytes = 0;
 };
 
 /// LangGsSlam<FeatDim, K> behind an interface: D and K are known at run time here and at compile time there.
@@ -47,7 +46,8 @@ class Pipeline {
   [[nodiscard]] virtual std::vector<StampedPose> trajectory() const = 0;
   [[nodiscard]] virtual std::vector<KeyframeView> keyframes() const = 0;
   [[nodiscard]] virtual SlamStatistics statistics() const = 0;
-  [[nodiscard]] virtual std::vector<std::pair<std::string, std::size_t>> bytes_by_part() const = 0;
+  [[nodiscard]] virtual MemoryReport memory_report() const = 0;      ///< of everything
+  [[nodiscard]] virtual MemoryReport map_memory_report() const = 0;  ///< of the map alone
 
   [[nodiscard]] virtual RenderedImages render(const Camera& camera, const Pose& T_world_camera) = 0;
   [[nodiscard]] virtual Image<std::uint16_t> label_image(const Camera& camera, const Pose& T_world_camera,
@@ -55,6 +55,9 @@ class Pipeline {
   /// [height, width, D]
   [[nodiscard]] virtual std::vector<float> feature_image(const Camera& camera, const Pose& T_world_camera, int width,
                                                          int height) = 0;
+
+  /// Mean cosine of rendered features to their teachers at the keyframes; nothing without teachers.
+  [[nodiscard]] virtual std::optional<double> teacher_cosine() = 0;
 
   [[nodiscard]] virtual SplatCloud splats() const = 0;
   /// Features of up to `count` Gaussians, evenly chosen [n, D].

@@ -13,6 +13,6 @@ namespace langgs::examples {
 
 using PipelineFactory = std::unique_ptr<Pipeline>(const RunOptions&, const Dataset&, const std::vector<float>&);
 
-PipelineFactory make_pipeline_d1, make_pipeline_d16, make_pipeline_d64, make_pipeline_d512;
+PipelineFactory make_pipeline_d1, make_pipeline_d16, make_pipeline_d64, make_pipeline_d512, make_pipeline_d512_adam;
 
 }  // namespace langgs::examples

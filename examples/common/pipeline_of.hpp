@@ -13,8 +13,9 @@
 
 namespace langgs::examples {
 
-/// Pipeline by LangGsSlam<D, K>. Included only by the pipeline_d*.cpp, which share the time that it takes to compile.
-template <int D, int K>
+/// Pipeline by LangGsSlam<D, K>, whose features learn by `Optimizer`. Included only by the pipeline_d*.cpp, which share
+/// the time that it takes to compile.
+template <int D, int K, class Optimizer>
 class PipelineOf : public Pipeline {
  public:
   PipelineOf(const RunOptions& options, const Dataset& dataset, const std::vector<float>& class_vectors)
@@ -42,14 +43,12 @@ class PipelineOf : public Pipeline {
   [[nodiscard]] std::vector<StampedPose> trajectory() const override { return slam_.trajectory(); }
   [[nodiscard]] std::vector<KeyframeView> keyframes() const override {
     std::vector<KeyframeView> views;
-    for (const Keyframe<D>& k : slam_.keyframes())
-      views.push_back({k.frame_index, k.timestamp, k.T_world_camera, &k.colour, &k.depth, k.bytes()});
+    for (const Keyframe<D>& k : slam_.keyframes()) views.push_back({k.frame_index, k.timestamp, k.T_world_camera});
     return views;
   }
   [[nodiscard]] SlamStatistics statistics() const override { return slam_.statistics(); }
-  [[nodiscard]] std::vector<std::pair<std::string, std::size_t>> bytes_by_part() const override {
-    return slam_.map().bytes_by_part();
-  }
+  [[nodiscard]] MemoryReport memory_report() const override { return slam_.memory_report(); }
+  [[nodiscard]] MemoryReport map_memory_report() const override { return slam_.map().memory_report(); }
 
   [[nodiscard]] RenderedImages render(const Camera& camera, const Pose& T_world_camera) override {
     return slam_.render(camera, T_world_camera);
@@ -61,6 +60,11 @@ class PipelineOf : public Pipeline {
   [[nodiscard]] std::vector<float> feature_image(const Camera& camera, const Pose& T_world_camera, int width,
                                                  int height) override {
     return slam_.feature_image(camera, T_world_camera, width, height);
+  }
+
+  [[nodiscard]] std::optional<double> teacher_cosine() override {
+    const TeacherCosine cosine = slam_.teacher_cosine();
+    return cosine.pixels > 0 ? std::optional<double>(cosine.mean()) : std::nullopt;
   }
 
   [[nodiscard]] SplatCloud splats() const override {
@@ -84,8 +88,8 @@ class PipelineOf : public Pipeline {
     const int n = slam_.map().size(), step = std::max(1, n / std::max(1, count));
     std::vector<float> samples;
     for (int i = 0; i < n; i += step) {
-      const float* row = slam_.map().features().row(i);
-      samples.insert(samples.end(), row, row + D);
+      const auto* row = slam_.map().features().row(i);
+      for (int c = 0; c < D; ++c) samples.push_back(static_cast<float>(row[c]));
     }
     return samples;
   }
@@ -102,26 +106,26 @@ class PipelineOf : public Pipeline {
     writer.add("opacity_logits", {n}, cloud.opacity_logit.data());
     std::vector<Half> features;
     if constexpr (D > 1) {
-      const float* values = slam_.map().features().data();
+      const auto* values = slam_.map().features().data();
       features.reserve(n * D);
-      for (std::size_t i = 0; i < n * D; ++i) features.emplace_back(values[i]);
+      for (std::size_t i = 0; i < n * D; ++i) features.push_back(static_cast<Half>(values[i]));
       writer.add("features", {n, static_cast<std::size_t>(D)}, features.data());
     }
     writer.save(path);
   }
 
  private:
-  LangGsSlam<D, K> slam_;
+  LangGsSlam<D, K, PruningPolicy, HybridSchedule, Optimizer> slam_;
   FeatureFunction<D> features_;
 };
 
 /// The pipeline of dimension D for a K that was compiled in, else null.
-template <int D, int... Ks>
+template <int D, class Optimizer, int... Ks>
 [[nodiscard]] std::unique_ptr<Pipeline> pipeline_with_k(const RunOptions& options, const Dataset& dataset,
                                                         const std::vector<float>& class_vectors) {
   std::unique_ptr<Pipeline> result;
   const auto choose = [&]<int K>() {
-    if (options.top_k == K) result = std::make_unique<PipelineOf<D, K>>(options, dataset, class_vectors);
+    if (options.top_k == K) result = std::make_unique<PipelineOf<D, K, Optimizer>>(options, dataset, class_vectors);
   };
   (choose.template operator()<Ks>(), ...);
   return result;

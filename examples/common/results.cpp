@@ -65,12 +65,9 @@ Json memory_json(const Pipeline& pipeline, int num_gaussians, const RunCosts& co
   Json j;
   j["peak_rss_mb"] = rounded(costs.peak_rss_mb);
   std::size_t map_bytes = 0;
-  for (const auto& [part, bytes] : pipeline.bytes_by_part()) map_bytes += bytes;
+  for (const auto& [part, bytes] : pipeline.map_memory_report()) map_bytes += bytes;
   if (num_gaussians > 0) j["map_bytes_per_gaussian"] = rounded(static_cast<double>(map_bytes) / num_gaussians);
-  for (const auto& [part, bytes] : pipeline.bytes_by_part()) j["bytes_by_part"][part] = bytes;
-  std::size_t keyframe_bytes = 0;
-  for (const KeyframeView& keyframe : pipeline.keyframes()) keyframe_bytes += keyframe.bytes;
-  j["bytes_by_part"]["keyframes"] = keyframe_bytes;
+  for (const auto& [part, bytes] : pipeline.memory_report()) j["bytes_by_part"][part] = bytes;
   return j;
 }
 
@@ -121,6 +118,7 @@ nlohmann::ordered_json metrics_json(const RunOptions& options, const Dataset& da
     semantic.update(to_json(*evaluation.semantic_keyframes));
     if (evaluation.semantic_held_out) semantic["held_out"] = to_json(*evaluation.semantic_held_out);
   }
+  if (evaluation.teacher_cosine) j["semantic"]["teacher_cosine"] = rounded(*evaluation.teacher_cosine);
   j["timing"] = timing_json(s, costs);
   j["memory"] = memory_json(pipeline, s.gaussians, costs);
   j["config"] = examples::to_json(options);

@@ -24,6 +24,7 @@
 // The map: Gaussian<FeatDim>, GaussianMap<FeatDim>, Keyframe<FeatDim>.
 #include "langgs/map/gaussian_map.hpp"
 #include "langgs/map/keyframe.hpp"
+#include "langgs/map/keyframe_store.hpp"
 
 // Rendering: TopKRasterizer<K>, features from Top-K records.
 #include "langgs/render/feature_compositor.hpp"
@@ -33,6 +34,8 @@
 #include "langgs/manage/insertion.hpp"
 #include "langgs/manage/pruning_policy.hpp"
 #include "langgs/optimize/adam.hpp"
+#include "langgs/optimize/feature_adam.hpp"
+#include "langgs/optimize/feature_average.hpp"
 #include "langgs/optimize/feature_step.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/optimize/hybrid_schedule.hpp"

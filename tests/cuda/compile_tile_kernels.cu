@@ -5,7 +5,9 @@
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/colour_loss.hpp"
 #include "langgs/optimize/depth_loss.hpp"
-#include "langgs/optimize/feature_step.hpp"
+#include "langgs/optimize/feature_adam.hpp"
+#include "langgs/optimize/feature_average.hpp"
+#include "langgs/optimize/feature_hits.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_compositor.hpp"
 #include "langgs/render/map_gradient.hpp"
@@ -22,9 +24,10 @@ template void launch(const Executor<Cuda>&, int, const TileForward<5>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<10>&);
 template void launch(const Executor<Cuda>&, int, const TileBackward&);
 template void launch(const Executor<Cuda>&, int, const detail::RecordHits&);
-template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512>&);
-template void launch(const Executor<Cuda>&, int, const FeatureSigns<512>&);
-template void launch(const Executor<Cuda>&, int, const FeatureUpdate<512>&);
+template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, Half, FeatureImageSink<512, Half>>&);
+template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, float, detail::FeatureSigns<512>>&);
+template void launch(const Executor<Cuda>&, int, const detail::AdamFeatureUpdate<512, float>&);
+template void launch(const Executor<Cuda>&, int, const detail::AverageUpdate<512, Half>&);
 
 template void launch(const Executor<Cuda>&, int, const detail::ColourKernel&);
 template void launch(const Executor<Cuda>&, int, const detail::DepthL1&);

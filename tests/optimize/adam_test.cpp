@@ -98,7 +98,7 @@ TEST_CASE("one Adam step and a hundred agree with a scalar reference in double")
   CHECK(bench.worst() < 1e-3);
   for (int i = 1; i < 100; ++i) bench.step();
   CHECK(bench.worst() < 0.02);  // a hundred steps long: relative error 2e-4
-  const PlanesView m = bench.map.first_moment.geometry.view(), v = bench.map.second_moment.geometry.view();
+  const PlanesView m = bench.map.first_moment.view(), v = bench.map.second_moment.view();
   for (int p = 0; p < kNumPlanes; ++p)
     for (int k = 0; k < bench.gradient.size(); ++k) {
       const int i = bench.gradient.gaussian()[k];
@@ -136,8 +136,8 @@ TEST_CASE("Gaussians out of sight keep parameters and moments to the bit") {
   // Moments that a step would move even with a gradient of zero.
   for (int p = 0; p < kNumPlanes; ++p)
     for (int i = 0; i < bench.map.size(); ++i) {
-      bench.map.first_moment.geometry.view().plane(p)[i] = 0.5f;
-      bench.map.second_moment.geometry.view().plane(p)[i] = 0.25f;
+      bench.map.first_moment.view().plane(p)[i] = 0.5f;
+      bench.map.second_moment.view().plane(p)[i] = 0.25f;
     }
   std::vector<Gaussian<1>> before;
   for (int i = 0; i < bench.map.size(); ++i) before.push_back(bench.map[i]);
@@ -145,8 +145,8 @@ TEST_CASE("Gaussians out of sight keep parameters and moments to the bit") {
   for (int i = 0; i < bench.map.size(); ++i) {
     CAPTURE(i);
     const bool same = bench.map[i].mean == before[i].mean && bench.map[i].opacity_logit == before[i].opacity_logit &&
-                      bench.map.first_moment.geometry.view().plane(kMeanX)[i] == 0.5f &&
-                      bench.map.second_moment.geometry.view().plane(kBlue)[i] == 0.25f;
+                      bench.map.first_moment.view().plane(kMeanX)[i] == 0.5f &&
+                      bench.map.second_moment.view().plane(kBlue)[i] == 0.25f;
     REQUIRE(same == !seen[i]);
     REQUIRE(bench.map[i].feature == before[i].feature);
   }
@@ -171,7 +171,7 @@ TEST_CASE("pruned rows keep their own moments and new rows begin without") {
   for (int p = 0; p < kNumPlanes; ++p)
     for (int i = bench.map.size() - 2; i < bench.map.size(); ++i) {
       bench.at(p, i).value = bench.map.geometry().plane(p)[i];
-      REQUIRE(bench.map.first_moment.geometry.view().plane(p)[i] == 0.f);
+      REQUIRE(bench.map.first_moment.view().plane(p)[i] == 0.f);
     }
   CHECK(bench.worst() < 0.005);
   for (int i = 0; i < 5; ++i) bench.step();  // wrong moments would go whole steps astray

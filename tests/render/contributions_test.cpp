@@ -65,16 +65,18 @@ TEST_CASE("Top-K contributions are the oracle's K largest weights, renormalised"
     const SampleGrid grid{width, height, scene.camera};
     r.contributions.from_topk(r.executor, r.rasterizer, grid);
     const ContributionView view = r.contributions.view();
-    REQUIRE(view.num_pixels == width * height);
+    REQUIRE(view.num_pixels() == width * height);
     REQUIRE(view.begin[0] == 0);
-    REQUIRE(view.begin[view.num_pixels] == view.size);
+    for (int p = 0; p < view.num_pixels(); ++p)
+      for (int i = view.begin[p]; i < view.begin[p + 1]; ++i) REQUIRE(view.contribution[i].pixel == p);
+    REQUIRE(view.begin[view.num_pixels()] == view.size);
     int compared = 0;
-    for (int p = 0; p < view.num_pixels; ++p) {
+    for (int p = 0; p < view.num_pixels(); ++p) {
       const int n = view.begin[p + 1] - view.begin[p], pixel = grid.pixel(p);
       double sum = 0;
       for (int i = view.begin[p]; i < view.begin[p + 1]; ++i) {
-        sum += view.weight[i];
-        REQUIRE(view.weight[i] > 0);
+        sum += view.contribution[i].weight;
+        REQUIRE(view.contribution[i].weight > 0);
         REQUIRE(view.gaussian[i] >= 0);
       }
       if (n > 0) REQUIRE(sum == doctest::Approx(1).epsilon(1e-6));
@@ -85,10 +87,10 @@ TEST_CASE("Top-K contributions are the oracle's K largest weights, renormalised"
       double total = 0;
       for (const auto& hit : hits) total += hit.weight;
       for (int k = 0; k < n; ++k)  // places of nearly equal weight may swap: compare the weights
-        REQUIRE(view.weight[view.begin[p] + k] == doctest::Approx(hits[k].weight / total).epsilon(2e-3));
+        REQUIRE(view.contribution[view.begin[p] + k].weight == doctest::Approx(hits[k].weight / total).epsilon(2e-3));
       ++compared;
     }
-    CHECK(compared >= view.num_pixels * 4 / 5);
+    CHECK(compared >= view.num_pixels() * 4 / 5);
   }
 }
 
@@ -102,24 +104,25 @@ TEST_CASE("blended contributions are all hits of the oracle, front to back, with
     const SampleGrid grid{width, height, scene.camera};
     r.contributions.from_blending(r.executor, r.rasterizer.splats(), grid);
     const ContributionView view = r.contributions.view();
-    REQUIRE(view.num_pixels == width * height);
+    REQUIRE(view.num_pixels() == width * height);
     int compared = 0, most = 0;
-    for (int p = 0; p < view.num_pixels; ++p) {
+    for (int p = 0; p < view.num_pixels(); ++p) {
       const int pixel = grid.pixel(p), n = view.begin[p + 1] - view.begin[p];
       double sum = 0;
-      for (int i = view.begin[p]; i < view.begin[p + 1]; ++i) sum += view.weight[i];
+      for (int i = view.begin[p]; i < view.begin[p + 1]; ++i) sum += view.contribution[i].weight;
       REQUIRE(sum + r.rasterizer.rendered().transmittance[pixel] == doctest::Approx(1).epsilon(1e-5));
       const reference::NaivePixel expected = oracle.pixel(pixel % 45, pixel / 45);
       if (expected.margin < 1e-3) continue;
       REQUIRE(n == static_cast<int>(expected.hits.size()));
       for (int k = 0; k < n; ++k) {
         REQUIRE(view.gaussian[view.begin[p] + k] == expected.hits[k].gaussian);
-        REQUIRE(view.weight[view.begin[p] + k] == doctest::Approx(expected.hits[k].weight).epsilon(1e-3).scale(1e-3));
+        REQUIRE(view.contribution[view.begin[p] + k].weight ==
+                doctest::Approx(expected.hits[k].weight).epsilon(1e-3).scale(1e-3));
       }
       ++compared;
       most = std::max(most, n);
     }
-    CHECK(compared >= view.num_pixels * 4 / 5);
+    CHECK(compared >= view.num_pixels() * 4 / 5);
     CHECK(most > 4);  // more than Top-K keeps
   }
 }
@@ -139,9 +142,33 @@ TEST_CASE("an empty map and a view of nothing contribute nothing") {
       r.contributions.from_blending(r.executor, r.rasterizer.splats(), grid);
     else
       r.contributions.from_topk(r.executor, r.rasterizer, grid);
-    CHECK(r.contributions.view().num_pixels == 35);
+    CHECK(r.contributions.view().num_pixels() == 35);
     CHECK(r.contributions.view().size == 0);
     for (int p = 0; p <= 35; ++p) REQUIRE(r.contributions.view().begin[p] == 0);
+  }
+}
+
+TEST_CASE("samples that are not wanted get nothing, and the others what they had") {
+  const test::RenderScene scene = test::random_scene(45, 33, 120, {}, 24);
+  Rendered r(scene);
+  const SampleGrid grid{20, 15, scene.camera};
+  std::vector<std::uint8_t> wanted(20 * 15);
+  for (int p = 0; p < 20 * 15; ++p) wanted[p] = p % 3 == 0 ? 1 : 0;
+  for (const bool blend : {false, true}) {
+    const auto record = [&](const std::uint8_t* mask) {
+      if (blend)
+        r.contributions.from_blending(r.executor, r.rasterizer.splats(), grid, mask);
+      else
+        r.contributions.from_topk(r.executor, r.rasterizer, grid, mask);
+      const ContributionView view = r.contributions.view();
+      std::vector<std::vector<std::int32_t>> of(20 * 15);
+      for (int i = 0; i < view.size; ++i) of[view.contribution[i].pixel].push_back(view.gaussian[i]);
+      return of;
+    };
+    auto all = record(nullptr);
+    for (int p = 0; p < 20 * 15; ++p)
+      if (wanted[p] == 0) all[p].clear();
+    CHECK(record(wanted.data()) == all);
   }
 }
 
@@ -158,7 +185,8 @@ TEST_CASE("contributions are the same bits for any number of threads") {
       else
         r.contributions.from_topk(r.executor, r.rasterizer, grid);
       const ContributionView view = r.contributions.view();
-      const std::vector<float> w(view.weight, view.weight + view.size);
+      std::vector<float> w;
+      for (int i = 0; i < view.size; ++i) w.push_back(view.contribution[i].weight);
       const std::vector<std::int32_t> g(view.gaussian, view.gaussian + view.size);
       if (threads == 1) weights = w, ids = g;
       CHECK(w == weights);

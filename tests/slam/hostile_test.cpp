@@ -230,7 +230,8 @@ TEST_CASE("feature maps of any size are learnt from") {
   CHECK(slam.statistics().skipped_frames == 0);
   CHECK((slam.statistics().feature_iterations > 0) == !features.map.empty());
   CHECK(test::all_finite(slam));
-  for (int i = 0; i < slam.map().size(); ++i) REQUIRE((slam.map().features().row(i)[3] > 0.5f) == taught);
+  for (int i = 0; i < slam.map().size(); ++i)
+    REQUIRE((static_cast<float>(slam.map().features().row(i)[3]) > 0.5f) == taught);
 }
 
 TEST_CASE("an exception of the feature source leaves a run that can go on") {
@@ -282,7 +283,6 @@ TEST_CASE("settings that cannot work are refused with the reason") {
   refused([](SlamSettings& s) { s.mapping.initialization.opacity = 1; });
   refused([](SlamSettings& s) { s.mapping.initialization.spread = 0; });
   refused([](SlamSettings& s) { s.mapping.initialization.thickness = std::nanf(""); });
-  refused([](SlamSettings& s) { s.mapping.learning_rates.feature = std::nanf(""); });
   refused([](SlamSettings& s) { s.mapping.learning_rates.mean = -1; });
   refused([](SlamSettings& s) { s.mapping.learning_rates.beta2 = 1; });
   CHECK_THROWS_AS(LangGsSlam<kDim>(Camera{}, hostile.settings), InvalidArgument);

@@ -85,7 +85,8 @@ Outcome row(const char* name, const SlamSettings& settings, Change&& change) {
   if (!s.feature_ms.empty()) out.feature_ms = *std::min_element(s.feature_ms.begin(), s.feature_ms.end());
   const float* x = slam.map().geometry().plane(kMeanX);
   out.means_x.assign(x, x + s.gaussians);
-  out.features.assign(slam.map().features().data(), slam.map().features().data() + s.gaussians * kDim);
+  for (int i = 0; i < s.gaussians * kDim; ++i)
+    out.features.push_back(static_cast<float>(slam.map().features().data()[i]));
   MESSAGE(std::string(name), ": ", s.gaussians, " Gaussians, ", out.psnr, " dB, cosine ", out.cosine, ", accuracy ",
           out.accuracy, ", ATE ", 1000 * out.ate_m, " mm, feature step ", out.feature_ms, " ms");
 

@@ -93,12 +93,10 @@ template <class Slam>
 [[nodiscard]] Bytes bytes_of(const Slam& slam) {
   Bytes bytes;
   const auto& map = slam.map();
-  const std::size_t n = map.size(), d = map.kFeatDim;
-  for (const PlanesView& planes : {map.geometry(), map.first_moment.geometry.view(), map.second_moment.geometry.view()})
+  const std::size_t n = map.size();
+  for (const PlanesView& planes : {map.geometry(), map.first_moment.view(), map.second_moment.view()})
     for (int p = 0; p < kNumPlanes; ++p) bytes.add(planes.plane(p), n);
-  bytes.add(map.features().data(), n * d);
-  bytes.add(map.first_moment.feature.data(), n * d);
-  bytes.add(map.second_moment.feature.data(), n * d);
+  map.for_each_feature_array([&](const auto& rows) { bytes.add(rows.data(), n * rows.width()); });
   bytes.add(map.statistics.topk_count.data(), n);
   bytes.add(map.statistics.max_weight.data(), n);
   bytes.add(map.statistics.num_views.data(), n);
@@ -116,13 +114,16 @@ template <class Slam>
 template <class Slam>
 [[nodiscard]] bool all_finite(const Slam& slam) {
   const auto& map = slam.map();
-  for (const PlanesView& planes : {map.geometry(), map.first_moment.geometry.view(), map.second_moment.geometry.view()})
+  for (const PlanesView& planes : {map.geometry(), map.first_moment.view(), map.second_moment.view()})
     for (int p = 0; p < kNumPlanes; ++p)
       for (int i = 0; i < map.size(); ++i)
         if (!std::isfinite(planes.plane(p)[i])) return false;
-  for (const auto* rows : {&map.features(), &map.first_moment.feature, &map.second_moment.feature})
-    for (std::size_t i = 0; i < static_cast<std::size_t>(map.size()) * map.kFeatDim; ++i)
-      if (!std::isfinite(rows->data()[i])) return false;
+  bool finite = true;
+  map.for_each_feature_array([&](const auto& rows) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(map.size()) * rows.width(); ++i)
+      finite = finite && std::isfinite(static_cast<float>(rows.data()[i]));
+  });
+  if (!finite) return false;
   for (const StampedPose& pose : slam.trajectory())
     if (!std::isfinite(pose.timestamp) || !is_finite(pose.T_world_camera)) return false;
   return true;

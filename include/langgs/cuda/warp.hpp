@@ -62,7 +62,7 @@ class Warp {
     base[lane_] = v;
   }
   /// A GPU hides latency with other warps.
-  __device__ __forceinline__ void prefetch(const float*) const {}
+  __device__ __forceinline__ void prefetch(const void*, std::size_t) const {}
   /// base[0 .. 31] of a row of channels, stored as float or half; lanes from `count` on are 0 and are not read.
   template <class T>
   [[nodiscard]] __device__ __forceinline__ float load_channels(const T* base, int count) const {
@@ -72,6 +72,17 @@ class Warp {
   template <class T>
   __device__ __forceinline__ void store_channels(T* base, int count, float v) const {
     if (lane_ < count) base[lane_] = static_cast<T>(v);
+  }
+  /// The same for what is not read soon.
+  template <class T>
+  __device__ __forceinline__ void stream_channels(T* base, int count, float v) const {
+    store_channels(base, count, v);
+  }
+  /// *to = value, which is the same in all lanes, after all of them have come here.
+  template <class T>
+  __device__ __forceinline__ void store_uniform(T* to, T value) const {
+    __syncwarp();
+    if (lane_ == 0) *to = value;
   }
   /// Bit i is set where the mask holds in lane i.
   [[nodiscard]] __device__ __forceinline__ std::uint32_t ballot(Mask mask) const {

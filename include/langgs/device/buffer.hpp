@@ -12,6 +12,10 @@
 
 namespace langgs {
 
+/// What to allocate for `size` elements that are kept: an eighth more. A map is the largest thing there is, and grows
+/// by a keyframe's part at a time.
+[[nodiscard]] constexpr std::size_t grown_capacity(std::size_t size) { return size + size / 8; }
+
 /// A move-only array in a backend's memory. Contents are not initialised: say `fill` where zeros matter.
 template <class T, class Backend>
 class Buffer {
@@ -52,7 +56,7 @@ class Buffer {
   void resize_keep(std::size_t size) {
     if (size > capacity_) {
       Buffer grown;
-      grown.resize_discard(std::max(size, capacity_ + capacity_ / 2));
+      grown.resize_discard(grown_capacity(size));
       if (size_ > 0) std::memcpy(grown.data_, data_, size_ * sizeof(T));
       swap(grown);
     }

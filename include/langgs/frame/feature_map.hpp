@@ -5,6 +5,7 @@
 #include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "langgs/core/error.hpp"
@@ -25,15 +26,19 @@ class FeatureMap {
   FeatureMap(int width, int height) : width_(width), height_(height) {
     LANGGS_EXPECTS(width > 0 && height > 0, "feature map is ", width, "x", height, "; sides must be positive");
     data_.resize(static_cast<std::size_t>(width) * height * FeatDim);
+    present_.resize(static_cast<std::size_t>(width) * height);
   }
 
   [[nodiscard]] bool empty() const { return data_.empty(); }
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
-  [[nodiscard]] std::size_t bytes() const { return data_.size() * sizeof(Half); }
+  [[nodiscard]] std::size_t bytes() const { return data_.size() * sizeof(Half) + present_.size(); }
 
   /// Feature of pixel (x, y): FeatDim contiguous values.
   [[nodiscard]] const Half* pixel(int x, int y) const { return data_.data() + offset(x, y); }
+
+  /// [height, width]: not 0 where a pixel has a feature.
+  [[nodiscard]] const std::uint8_t* present() const { return present_.data(); }
 
   /// Stores `feature` (FeatDim floats) L2-normalised; a vector that is zero or not finite is stored as zeros.
   void set_pixel(int x, int y, const float* feature) {
@@ -41,6 +46,7 @@ class FeatureMap {
     for (int c = 0; c < FeatDim; ++c) norm2 += static_cast<double>(feature[c]) * feature[c];
     const bool usable = std::isfinite(norm2) && norm2 > 0;
     const double scale = usable ? 1 / std::sqrt(norm2) : 0;  // double: finite for subnormal features too
+    present_[static_cast<std::size_t>(y) * width_ + x] = usable ? 1 : 0;
     Half* out = data_.data() + offset(x, y);
     for (int c = 0; c < FeatDim; ++c) out[c] = Half(usable ? static_cast<float>(feature[c] * scale) : 0.f);
   }
@@ -70,6 +76,7 @@ class FeatureMap {
 
   int width_ = 0, height_ = 0;
   std::vector<Half> data_;
+  std::vector<std::uint8_t> present_;
 };
 
 /// Where feature maps come from: an image encoder, files, labels. Called for keyframes only.

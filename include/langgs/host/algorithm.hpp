@@ -208,10 +208,9 @@ void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff
 
 /// Groups `values` [n] by their small keys in [0, num_keys), stably: group k is grouped[offsets[k] .. offsets[k + 1]).
 /// `scratch` is kept by the caller so that no memory is allocated per call.
-template <detail::HostBackend Backend>
-void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const std::int32_t* values, int n,
-                  std::int32_t* grouped, std::vector<std::int32_t>& offsets, int num_keys,
-                  std::vector<std::int32_t>& scratch) {
+template <class T, detail::HostBackend Backend>
+void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, int n, T* grouped,
+                  std::vector<std::int32_t>& offsets, int num_keys, std::vector<std::int32_t>& scratch) {
   detail::group(
       executor, n, num_keys, [&](int i) { return keys[i]; }, [&](int place, int i) { grouped[place] = values[i]; },
       offsets, scratch);

@@ -50,11 +50,11 @@ class Warp {
   LANGGS_INLINE void store(T* base, const Varying<T>& v) const {
     v.store(base);
   }
-  /// Says that base[0 .. 31] will soon be loaded, if there is such memory.
-  LANGGS_INLINE void prefetch(const float* base) const {
-    __builtin_prefetch(base);
-    __builtin_prefetch(base + 16);
-    __builtin_prefetch(base + 31);
+  /// Says that `bytes` bytes from base on will soon be loaded, if there is such memory.
+  LANGGS_INLINE void prefetch(const void* base, std::size_t bytes) const {
+    const char* const first = static_cast<const char*>(base);
+    for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(first + i);
+    __builtin_prefetch(first + bytes - 1);
   }
   /// base[0 .. 31] of a row of channels, stored as float or half; lanes from `count` on are 0 and are not read.
   template <class T>
@@ -76,6 +76,21 @@ class Warp {
     } else {
       put_channels(base, v);
     }
+  }
+  /// The same past the caches, for what is not read soon.
+  template <class T>
+  LANGGS_INLINE void stream_channels(T* base, int count, const Varying<float>& v) const {
+    if constexpr (sizeof(T) == sizeof(float)) {
+      if (count >= kLanes) return v.template stream_rows<kLanes>(base, kLanes);
+    } else {
+      if (count >= kLanes) return stream_half(base, v);
+    }
+    store_channels(base, count, v);
+  }
+  /// *to = value, which is the same in all lanes, after all of them have come here.
+  template <class T>
+  LANGGS_INLINE void store_uniform(T* to, T value) const {
+    *to = value;
   }
   /// Bit i is set where the mask holds in lane i.
   [[nodiscard]] LANGGS_INLINE std::uint32_t ballot(const Mask& mask) const { return bits_of(mask); }

@@ -11,17 +11,14 @@
 
 #include "langgs/core/error.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/map/feature_storage.hpp"
 #include "langgs/map/gaussian.hpp"
 #include "langgs/map/planes.hpp"
 
 namespace langgs {
 
-/// Optimiser state of the map: first and second Adam moments, row by row beside the parameters.
-template <class Backend>
-struct Moments {
-  Planes<Backend> geometry;
-  Rows<float, Backend> feature;
-};
+/// Bytes held, by the name of what holds them.
+using MemoryReport = std::vector<std::pair<std::string, std::size_t>>;
 
 /// What the pruning policy looks at; collected by the rasteriser since the last pruning (paper section 3.3.1).
 template <class Backend>
@@ -35,19 +32,25 @@ struct Statistics {
 };
 
 /// The map (paper section 3.1): a structure of arrays of Gaussians, with optimiser state and statistics beside them.
-template <int FeatDim, class Backend = Host>
+/// `Storage` is a feature optimiser, or PlainFeatures.
+template <int FeatDim, class Backend = Host, class Storage = PlainFeatures<>>
 class GaussianMap {
+  static_assert(FeatureStorage<Storage>,
+                "the storage of a map's features needs Scalar (float or langgs::Half) and a "
+                "template State<FeatDim, Backend> with for_each_array; see PlainFeatures");
+
  public:
   static constexpr int kFeatDim = FeatDim;
   using Value = Gaussian<FeatDim>;
+  using Scalar = typename Storage::Scalar;
 
   [[nodiscard]] int size() const { return geometry_.size(); }
   [[nodiscard]] PlanesView geometry() const { return geometry_.view(); }  ///< [14, N]
-  [[nodiscard]] Rows<float, Backend>& features() { return features_; }    ///< [N, FeatDim]
-  [[nodiscard]] const Rows<float, Backend>& features() const { return features_; }
+  [[nodiscard]] Rows<Scalar, Backend>& features() { return features_; }   ///< [N, FeatDim]
+  [[nodiscard]] const Rows<Scalar, Backend>& features() const { return features_; }
 
-  Moments<Backend> first_moment{{}, Rows<float, Backend>(FeatDim)};
-  Moments<Backend> second_moment{{}, Rows<float, Backend>(FeatDim)};
+  Planes<Backend> first_moment, second_moment;                       ///< of Adam on the geometry
+  typename Storage::template State<FeatDim, Backend> feature_state;  ///< of the feature optimiser
   Statistics<Backend> statistics;
 
   /// Adds Gaussians at the end, with zero moments and statistics. Values that are not finite are refused.
@@ -75,7 +78,7 @@ class GaussianMap {
     value.rotation = {at(kRotationW), at(kRotationX), at(kRotationY), at(kRotationZ)};
     value.opacity_logit = at(kOpacityLogit);
     value.colour = {at(kRed), at(kGreen), at(kBlue)};
-    std::copy_n(features_.row(i), FeatDim, value.feature.begin());
+    for (int c = 0; c < FeatDim; ++c) value.feature[c] = static_cast<float>(features_.row(i)[c]);
     return value;
   }
 
@@ -89,7 +92,7 @@ class GaussianMap {
     }
     for (int a = 0; a < 4; ++a) g.plane(kRotationW + a)[i] = value.rotation[a];
     g.plane(kOpacityLogit)[i] = value.opacity_logit;
-    std::copy_n(value.feature.begin(), FeatDim, features_.row(i));
+    for (int c = 0; c < FeatDim; ++c) features_.row(i)[c] = static_cast<Scalar>(value.feature[c]);
   }
 
   /// Keeps the Gaussians with keep[i] != 0, in their order, with all that belongs to them. Returns how many went.
@@ -104,13 +107,23 @@ class GaussianMap {
     return before - size();
   }
 
+  /// Calls f with the features and with each array that the feature optimiser keeps beside them.
+  template <class F>
+  void for_each_feature_array(F&& f) const {
+    f(features_);
+    const_cast<GaussianMap&>(*this).feature_state.for_each_array([&](const auto& array) { f(array); });
+  }
+
   /// Bytes held, part by part.
-  [[nodiscard]] std::vector<std::pair<std::string, std::size_t>> bytes_by_part() const {
+  [[nodiscard]] MemoryReport memory_report() const {
     const Statistics<Backend>& s = statistics;
+    std::size_t state = 0;
+    for_each_feature_array([&](const auto& array) { state += array.bytes(); });
+    state -= features_.bytes();
     return {{"geometry", geometry_.bytes()},
             {"features", features_.bytes()},
-            {"geometry_moments", first_moment.geometry.bytes() + second_moment.geometry.bytes()},
-            {"feature_moments", first_moment.feature.bytes() + second_moment.feature.bytes()},
+            {"geometry_moments", first_moment.bytes() + second_moment.bytes()},
+            {"feature_optimizer", state},
             {"statistics", s.topk_count.bytes() + s.max_weight.bytes() + s.num_views.bytes() + s.birth.bytes() +
                                s.uid.bytes() + s.keyframe.bytes()}};
   }
@@ -128,10 +141,9 @@ class GaussianMap {
   void for_each_array(F&& f) {
     f(geometry_);
     f(features_);
-    for (Moments<Backend>* m : {&first_moment, &second_moment}) {
-      f(m->geometry);
-      f(m->feature);
-    }
+    f(first_moment);
+    f(second_moment);
+    feature_state.for_each_array(f);
     f(statistics.topk_count);
     f(statistics.max_weight);
     f(statistics.num_views);
@@ -144,7 +156,7 @@ class GaussianMap {
   }
 
   Planes<Backend> geometry_;
-  Rows<float, Backend> features_{FeatDim};
+  Rows<Scalar, Backend> features_{FeatDim};
   std::uint32_t next_uid_ = 0;
 };
 

@@ -22,6 +22,7 @@ struct Keyframe {
   FeatureMap<FeatDim> features;  ///< the teacher, at its own resolution; empty without features
   int visits = 0;                ///< mapping iterations that rendered it
 
+  [[nodiscard]] bool has_images() const { return !colour.empty(); }
   [[nodiscard]] std::size_t bytes() const { return colour.size() + depth.size() * sizeof(float) + features.bytes(); }
 };
 

@@ -50,7 +50,7 @@ class Planes {
   /// Changes the number of rows; kept rows keep their values, new rows are zero.
   void resize(int size) {
     if (size > stride_) {
-      const int stride = ((size + size / 2) / 32 + 1) * 32;
+      const int stride = (static_cast<int>(grown_capacity(size)) / 32 + 1) * 32;
       Buffer<float, Backend> grown(static_cast<std::size_t>(stride) * kNumPlanes);
       grown.fill(0.f);
       for (int p = 0; p < kNumPlanes && size_ > 0; ++p)

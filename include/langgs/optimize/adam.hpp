@@ -83,12 +83,11 @@ class SelectiveAdam {
  public:
   explicit SelectiveAdam(const LearningRates& rates = {}) : rates_(rates) {}
 
-  template <int FeatDim>
-  void step(const Executor<Backend>& executor, GaussianMap<FeatDim, Backend>& map,
-            const MapGradient<Backend>& gradient) const {
+  template <class Map>
+  void step(const Executor<Backend>& executor, Map& map, const MapGradient<Backend>& gradient) const {
     detail::AdamUpdate update{map.geometry(),
-                              map.first_moment.geometry.view(),
-                              map.second_moment.geometry.view(),
+                              map.first_moment.view(),
+                              map.second_moment.view(),
                               gradient.planes(),
                               gradient.gaussian(),
                               {rates_.beta1, rates_.beta2, rates_.epsilon},

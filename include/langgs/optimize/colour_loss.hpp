@@ -126,7 +126,7 @@ struct ColourKernel {
   [[nodiscard]] LANGGS_INLINE V load_row(const Warp& warp, const float* image, std::ptrdiff_t row_begin,
                                          int column) const {
     const float* row = image + row_begin;
-    warp.prefetch(row + column + kSsimStep * images.width);
+    warp.prefetch(row + column + kSsimStep * images.width, 32 * sizeof(float));
     if (row_begin + column >= 0) return warp.load(row + column);  // left of a row lies the one above
     const auto index = warp.lane_index() + column;
     return warp.gather(row, index, index >= 0, 0.f);

@@ -5,7 +5,7 @@
 
 namespace langgs {
 
-/// Adam step sizes by parameter group, and Adam's constants. No bias correction: see SelectiveAdam.
+/// Adam step sizes of the geometry by parameter group, and Adam's constants. No bias correction: see SelectiveAdam.
 struct LearningRates {
   /// [m]. Small: tracking registers to these means, and what photometry does to them becomes drift of the camera.
   float mean = 2e-5f;
@@ -13,13 +13,12 @@ struct LearningRates {
   float rotation = 1e-3f;  ///< on the stored quaternion
   float opacity_logit = 0.05f;
   float colour = 2.5e-3f;
-  float feature = 1e-3f;
   float beta1 = 0.9f, beta2 = 0.999f;
   float epsilon = 1e-15f;
 };
 
 inline void validate(const LearningRates& r) {
-  for (const float rate : {r.mean, r.log_scale, r.rotation, r.opacity_logit, r.colour, r.feature})
+  for (const float rate : {r.mean, r.log_scale, r.rotation, r.opacity_logit, r.colour})
     LANGGS_EXPECTS(rate >= 0 && rate <= 1e3f, "a learning rate is ", rate, "; it must be in [0, 1000]");
   LANGGS_EXPECTS(r.beta1 >= 0 && r.beta1 < 1 && r.beta2 >= 0 && r.beta2 < 1 && r.epsilon > 0, "Adam settings are ",
                  r.beta1, ", ", r.beta2, ", ", r.epsilon, "; betas must be in [0, 1), epsilon positive");

@@ -13,14 +13,22 @@
 
 namespace langgs {
 
+/// What one Gaussian gives to the feature of one sampled pixel.
+struct Contribution {
+  std::int32_t pixel;
+  float weight;
+};
+
 /// Which Gaussians make up the feature of each sampled pixel, and with which weights:
-/// F(p) = sum over i in [begin[p], begin[p + 1]) of weight[i] f[gaussian[i]].
+/// F(p) = sum over i in [begin[p], begin[p + 1]) of contribution[i].weight f[gaussian[i]].
 struct ContributionView {
-  int num_pixels = 0;
-  int size = 0;                            ///< begin[num_pixels]
-  const std::int32_t* begin = nullptr;     ///< [num_pixels + 1]
-  const std::int32_t* gaussian = nullptr;  ///< [size]
-  const float* weight = nullptr;           ///< [size]
+  int width = 0, height = 0;                   ///< of the grid of samples
+  int size = 0;                                ///< begin[num_pixels()]
+  const std::int32_t* begin = nullptr;         ///< [num_pixels() + 1]
+  const std::int32_t* gaussian = nullptr;      ///< [size]
+  const Contribution* contribution = nullptr;  ///< [size]; pixels ascend
+
+  [[nodiscard]] LANGGS_HD int num_pixels() const { return width * height; }
 };
 
 /// A grid of width x height sample points that covers the image of a camera: the pixel centres of a feature map.
@@ -43,15 +51,18 @@ struct SampleGrid {
 namespace detail {
 
 /// Top-K weights of the sampled pixels, renormalised over those present (paper Eq. 3).
+template <int K>
 struct CountTopK {
   SampleGrid grid;
-  int k;
   std::ptrdiff_t plane;
   const std::int32_t* id;
+  const std::uint8_t* wanted;
   std::int32_t* count;
   LANGGS_HD void operator()(int p) const {
+    const std::int32_t* const at = id + grid.pixel(p);
     int n = 0;
-    for (int i = 0; i < k; ++i) n += id[i * plane + grid.pixel(p)] >= 0 ? 1 : 0;
+    if (wanted == nullptr || wanted[p] != 0)
+      for (int i = 0; i < K; ++i) n += at[i * plane] >= 0 ? 1 : 0;
     count[p] = n;
   }
 };
@@ -62,14 +73,14 @@ struct FillTopK {
   const float* weight;
   const std::int32_t* begin;
   std::int32_t* out_gaussian;
-  float* out_weight;
+  Contribution* out;
   LANGGS_HD void operator()(int p) const {
     const int pixel = grid.pixel(p), n = begin[p + 1] - begin[p];
     float sum = 0;
     for (int i = 0; i < n; ++i) sum += weight[i * plane + pixel];
     for (int i = 0; i < n; ++i) {
       out_gaussian[begin[p] + i] = id[i * plane + pixel];
-      out_weight[begin[p] + i] = weight[i * plane + pixel] / sum;
+      out[begin[p] + i] = {p, weight[i * plane + pixel] / sum};
     }
   }
 };
@@ -120,51 +131,62 @@ struct RecordHits {
 struct CopyCounts {
   SampleGrid grid;
   const std::int32_t* begin;
+  const std::uint8_t* wanted;
   std::int32_t* count;
-  LANGGS_HD void operator()(int p) const { count[p] = begin[grid.pixel(p) + 1] - begin[grid.pixel(p)]; }
+  LANGGS_HD void operator()(int p) const {
+    const bool is_wanted = wanted == nullptr || wanted[p] != 0;
+    count[p] = is_wanted ? begin[grid.pixel(p) + 1] - begin[grid.pixel(p)] : 0;
+  }
 };
 struct CopyHits {
   SampleGrid grid;
   const std::int32_t *from_begin, *from_gaussian, *begin;
   const float* from_weight;
   std::int32_t* gaussian;
-  float* weight;
+  Contribution* out;
   LANGGS_HD void operator()(int p) const {
     const int from = from_begin[grid.pixel(p)];
     for (int i = begin[p]; i < begin[p + 1]; ++i) {
       gaussian[i] = from_gaussian[from + i - begin[p]];
-      weight[i] = from_weight[from + i - begin[p]];
+      out[i] = {p, from_weight[from + i - begin[p]]};
     }
   }
 };
 
 }  // namespace detail
 
-/// Owner of contributions; reuses its buffers.
+/// Owner of contributions; reuses its buffers. `wanted` [height, width] names the samples that may have any, those with
+/// a teacher; null: all of them.
 template <class Backend>
 class Contributions {
  public:
   [[nodiscard]] ContributionView view() const {
-    return {num_pixels_, size_, begin_.data(), gaussian_.data(), weight_.data()};
+    return {width_, height_, size_, begin_.data(), gaussian_.data(), contribution_.data()};
+  }
+  [[nodiscard]] std::size_t bytes() const {
+    return count_.bytes() + begin_.bytes() + gaussian_.bytes() + contribution_.bytes() + ray_count_.bytes() +
+           ray_begin_.bytes() + ray_gaussian_.bytes() + ray_weight_.bytes();
   }
 
   /// The Top-K records of the rasteriser's last render, at the samples (paper Eqs. 2 and 3).
   template <int K>
   void from_topk(const Executor<Backend>& executor, const TopKRasterizer<K, Backend>& rasterizer,
-                 const SampleGrid& grid) {
+                 const SampleGrid& grid, const std::uint8_t* wanted = nullptr) {
     const std::ptrdiff_t plane = grid.camera.num_pixels();
-    resize_pixels(grid.width * grid.height);
-    for_each_n(executor, num_pixels_, detail::CountTopK{grid, K, plane, rasterizer.topk_id(), count_.data()});
-    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), num_pixels_));
-    for_each_n(executor, num_pixels_,
+    resize_pixels(grid);
+    const int pixels = grid.width * grid.height;
+    for_each_n(executor, pixels, detail::CountTopK<K>{grid, plane, rasterizer.topk_id(), wanted, count_.data()});
+    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), pixels));
+    for_each_n(executor, pixels,
                detail::FillTopK{grid, plane, rasterizer.topk_id(), rasterizer.topk_weight(), begin_.data(),
-                                gaussian_.data(), weight_.data()});
+                                gaussian_.data(), contribution_.data()});
   }
 
   /// Every hit of every ray with its raw blending weight: the full alpha blending of the paper's baseline
   /// (section 4.3).
-  void from_blending(const Executor<Backend>& executor, const SplatList<Backend>& splats, const SampleGrid& grid) {
-    const int all = grid.camera.num_pixels(), tiles = splats.grid().count();
+  void from_blending(const Executor<Backend>& executor, const SplatList<Backend>& splats, const SampleGrid& grid,
+                     const std::uint8_t* wanted = nullptr) {
+    const int all = grid.camera.num_pixels(), tiles = splats.grid().count(), pixels = grid.width * grid.height;
     ray_count_.resize_discard(all);
     ray_begin_.resize_discard(all + 1);
     launch(executor, tiles,
@@ -175,29 +197,31 @@ class Contributions {
     launch(executor, tiles,
            detail::RecordHits{splats.grid(), splats.instances(), ray_begin_.data(), ray_count_.data(),
                               ray_gaussian_.data(), ray_weight_.data()});
-    resize_pixels(grid.width * grid.height);
-    for_each_n(executor, num_pixels_, detail::CopyCounts{grid, ray_begin_.data(), count_.data()});
-    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), num_pixels_));
-    for_each_n(executor, num_pixels_,
+    resize_pixels(grid);
+    for_each_n(executor, pixels, detail::CopyCounts{grid, ray_begin_.data(), wanted, count_.data()});
+    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), pixels));
+    for_each_n(executor, pixels,
                detail::CopyHits{grid, ray_begin_.data(), ray_gaussian_.data(), begin_.data(), ray_weight_.data(),
-                                gaussian_.data(), weight_.data()});
+                                gaussian_.data(), contribution_.data()});
   }
 
  private:
-  void resize_pixels(int num_pixels) {
-    num_pixels_ = num_pixels;
-    count_.resize_discard(num_pixels);
-    begin_.resize_discard(num_pixels + 1);
+  void resize_pixels(const SampleGrid& grid) {
+    width_ = grid.width;
+    height_ = grid.height;
+    count_.resize_discard(static_cast<std::size_t>(width_) * height_);
+    begin_.resize_discard(static_cast<std::size_t>(width_) * height_ + 1);
   }
   void resize_hits(int size) {
     size_ = size;
     gaussian_.resize_discard(size);
-    weight_.resize_discard(size);
+    contribution_.resize_discard(size);
   }
 
-  int num_pixels_ = 0, size_ = 0;
+  int width_ = 0, height_ = 0, size_ = 0;
   Buffer<std::int32_t, Backend> count_, begin_, gaussian_, ray_count_, ray_begin_, ray_gaussian_;
-  Buffer<float, Backend> weight_, ray_weight_;
+  Buffer<Contribution, Backend> contribution_;
+  Buffer<float, Backend> ray_weight_;
 };
 
 }  // namespace langgs

@@ -12,7 +12,7 @@
 #include "langgs/manage/insertion.hpp"
 #include "langgs/manage/pruning_policy.hpp"
 #include "langgs/map/gaussian_map.hpp"
-#include "langgs/map/keyframe.hpp"
+#include "langgs/map/keyframe_store.hpp"
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/feature_step.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
@@ -23,17 +23,27 @@
 
 namespace langgs {
 
+/// What the user of a mapper chooses by type.
+template <class Pruning, class Schedule, class FeatureOptimizer>
+struct MappingPolicies {
+  const Pruning& pruning;
+  const Schedule& schedule;
+  const FeatureOptimizer& feature_optimizer;
+};
+
 /// The mapping side (paper sections 3.2 to 3.4): grows the map from keyframes and optimises it by rendering them.
-template <int FeatDim, int K, class Backend = Host>
+template <int FeatDim, int K, class FeatureOptimizer, class Backend = Host>
 class Mapper {
  public:
+  using Map = GaussianMap<FeatDim, Backend, FeatureOptimizer>;
+
   Mapper(const Camera& camera, const SlamSettings& settings)
       : camera_(camera),
         settings_(settings),
+        keyframes_(settings.mapping.keyframe_bytes),
         redundancy_(settings.mapping.redundancy),
         loss_(settings.mapping.loss),
-        adam_(settings.mapping.learning_rates),
-        feature_step_(settings.mapping.learning_rates) {}
+        adam_(settings.mapping.learning_rates) {}
 
   /// Inserts what a keyframe shows and the map does not have yet, and queues the keyframe for optimisation.
   void add_keyframe(const TrackedFrame& tracked, const RgbdFrame& frame, FeatureMap<FeatDim> features) {
@@ -46,13 +56,13 @@ class Mapper {
     redundancy_.select({means, tracked.squared_distance}, chosen);
     map_.append(make_gaussians(tracked.cloud, chosen, frame, camera_, features, report.T_world_camera,
                                settings_.mapping.initialization, settings_.tracking.source.stride),
-                iteration_, static_cast<int>(keyframes_.size()));
+                iteration_, keyframes_.size());
     inserted_ += static_cast<int>(chosen.size());
     suppressed_ += tracked.cloud.size() - static_cast<int>(chosen.size());
 
-    unvisited_.push_back(static_cast<int>(keyframes_.size()));
-    keyframes_.push_back({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera,
-                          frame.colour, frame.depth, std::move(features)});
+    unvisited_.push_back(keyframes_.size());
+    keyframes_.add({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera, frame.colour,
+                    frame.depth, std::move(features)});
     refinements_.emplace_back(report.T_world_camera.inverse(), /*is_fixed=*/refinements_.empty());
   }
 
@@ -77,7 +87,8 @@ class Mapper {
 
   /// One mapping iteration: render a keyframe, compare, step geometry and, when due, features; prune when due.
   template <MapPruning Pruning, OptimizationSchedule Schedule>
-  void iterate(const Executor<Backend>& executor, const Pruning& pruning, const Schedule& schedule) {
+  void iterate(const Executor<Backend>& executor,
+               const MappingPolicies<Pruning, Schedule, FeatureOptimizer>& policies) {
     if (keyframes_.empty()) return;
     bool first_visit = false;
     const int index = next_keyframe(first_visit);
@@ -87,27 +98,36 @@ class Mapper {
     const auto start = std::chrono::steady_clock::now();
     rasterizer_.render(executor, map_.geometry(), view);  // Eqs. 1 and 2
     collect_statistics(executor);
-    const OptimizationStep due = schedule(MappingVisit{iteration_, first_visit});
+    const OptimizationStep due = policies.schedule(MappingVisit{iteration_, first_visit});
     if (due.geometry) {
       step_geometry(executor, view, keyframe, refinements_[index]);
       geometry_ms_.push_back(since(start));
     }
     if (due.features && !keyframe.features.empty()) {
       const auto feature_start = std::chrono::steady_clock::now();
-      step_features(executor, keyframe);
+      step_features(executor, policies.feature_optimizer, keyframe);
       feature_ms_.push_back(since(feature_start));
     }
     ++keyframe.visits;
     ++iteration_;
-    prune(executor, pruning);
+    prune(executor, policies.pruning);
   }
 
-  [[nodiscard]] const GaussianMap<FeatDim, Backend>& map() const { return map_; }
-  [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return keyframes_; }
+  [[nodiscard]] const Map& map() const { return map_; }
+  [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return keyframes_.all(); }
   [[nodiscard]] double last_loss() const { return last_loss_; }
 
+  /// Bytes held by the map, by the keyframes, and by what a feature step needs besides.
+  [[nodiscard]] MemoryReport memory_report() const {
+    MemoryReport report = map_.memory_report();
+    report.emplace_back("keyframe_features", keyframes_.feature_bytes());
+    report.emplace_back("keyframe_images", keyframes_.bytes() - keyframes_.feature_bytes());
+    report.emplace_back("feature_scratch", contributions_.bytes() + feature_step_.bytes());
+    return report;
+  }
+
   void report(SlamStatistics& s) const {
-    s.keyframes = static_cast<int>(keyframes_.size());
+    s.keyframes = keyframes_.size();
     s.gaussians = map_.size();
     s.geometry_iterations = static_cast<int>(geometry_ms_.size());
     s.feature_iterations = static_cast<int>(feature_ms_.size());
@@ -125,15 +145,16 @@ class Mapper {
 
   /// New keyframes first, oldest first; then any, uniformly.
   int next_keyframe(bool& first_visit) {
-    first_visit = !unvisited_.empty();
-    if (first_visit) {
+    while (!unvisited_.empty()) {
       const int index = unvisited_.front();
       unvisited_.pop_front();
-      return index;
+      first_visit = keyframes_[index].has_images();
+      if (first_visit) return index;
     }
-    constexpr std::uint64_t kStream = 0x6b657966;  // of the choice of keyframes
-    return static_cast<int>(CounterRng{settings_.seed, kStream}.below(static_cast<std::uint64_t>(iteration_),
-                                                                      static_cast<std::uint32_t>(keyframes_.size())));
+    constexpr std::uint64_t kStream = 0x6b657966;                   // of the choice of keyframes
+    const std::vector<std::int32_t>& any = keyframes_.trainable();  // the newest at least
+    return any[CounterRng{settings_.seed, kStream}.below(static_cast<std::uint64_t>(iteration_),
+                                                         static_cast<std::uint32_t>(any.size()))];
   }
 
   void step_geometry(const Executor<Backend>& executor, const View& view, Keyframe<FeatDim>& keyframe,
@@ -153,13 +174,15 @@ class Mapper {
       keyframe.T_world_camera = settings_.mapping.pose_refinement.step(refinement, map_gradient_.pose()).inverse();
   }
 
-  void step_features(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe) {
-    const SampleGrid grid{keyframe.features.width(), keyframe.features.height(), camera_};
+  void step_features(const Executor<Backend>& executor, const FeatureOptimizer& optimizer,
+                     const Keyframe<FeatDim>& keyframe) {
+    const FeatureMap<FeatDim>& teacher = keyframe.features;
+    const SampleGrid grid{teacher.width(), teacher.height(), camera_};
     if (settings_.mapping.feature_rendering == FeatureRendering::topk)
-      contributions_.from_topk(executor, rasterizer_, grid);
+      contributions_.from_topk(executor, rasterizer_, grid, teacher.present());
     else
-      contributions_.from_blending(executor, rasterizer_.splats(), grid);
-    feature_step_.step(executor, map_, contributions_.view(), keyframe.features);
+      contributions_.from_blending(executor, rasterizer_.splats(), grid, teacher.present());
+    feature_step_.step(executor, optimizer, map_, contributions_.view(), teacher);
   }
 
   void collect_statistics(const Executor<Backend>& executor) {
@@ -222,8 +245,8 @@ class Mapper {
 
   Camera camera_;
   SlamSettings settings_;
-  GaussianMap<FeatDim, Backend> map_;
-  std::vector<Keyframe<FeatDim>> keyframes_;
+  Map map_;
+  KeyframeStore<FeatDim> keyframes_;
   std::vector<PoseRefinementState> refinements_;
   std::deque<int> unvisited_;
   RedundancyFilter redundancy_;
@@ -232,7 +255,7 @@ class Mapper {
   MapGradient<Backend> map_gradient_;
   SelectiveAdam<Backend> adam_;
   Contributions<Backend> contributions_;
-  FeatureStep<FeatDim, Backend> feature_step_;
+  FeatureStep<FeatDim, FeatureOptimizer, Backend> feature_step_;
   Buffer<float, Backend> target_, gradient_;
   std::vector<std::int32_t> keep_;
   int iteration_ = 0, inserted_ = 0, suppressed_ = 0, pruned_ = 0;

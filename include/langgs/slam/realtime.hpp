@@ -24,16 +24,11 @@ struct RealtimeOptions {
 /// The real-time schedule: the calling thread tracks, a second thread maps with all the time that tracking leaves.
 /// They meet in a mailbox of one keyframe. After a tracking keyframe, tracking waits for the renewed target; a mapping
 /// keyframe it leaves behind. Reproducible only up to how the threads happen to run.
-template <class Mapper, class KeyframePolicy, class Pruning, class Schedule>
+template <class Mapper, class KeyframePolicy, class Policies>
 class RealtimeRunner {
  public:
-  RealtimeRunner(FrontEnd& front_end, Mapper& mapper, KeyframePolicy& keyframe_policy, Pruning& pruning,
-                 Schedule& schedule)
-      : front_end_(front_end),
-        mapper_(mapper),
-        keyframe_policy_(keyframe_policy),
-        pruning_(pruning),
-        schedule_(schedule) {}
+  RealtimeRunner(FrontEnd& front_end, Mapper& mapper, KeyframePolicy& keyframe_policy, const Policies& policies)
+      : front_end_(front_end), mapper_(mapper), keyframe_policy_(keyframe_policy), policies_(policies) {}
 
   template <class Source, class Features, class Observer>
   void run(Source& source, Features& features, Observer& observer, const RealtimeOptions& options) {
@@ -119,7 +114,7 @@ class RealtimeRunner {
           target_ = std::move(target);
         }
         changed_.notify_all();
-        mapper_.iterate(executor, pruning_, schedule_);
+        mapper_.iterate(executor, policies_);
         std::lock_guard lock(mutex_);
         num_gaussians_ = mapper_.map().size();
         loss_ = mapper_.last_loss();
@@ -134,8 +129,7 @@ class RealtimeRunner {
   FrontEnd& front_end_;
   Mapper& mapper_;
   KeyframePolicy& keyframe_policy_;
-  Pruning& pruning_;
-  Schedule& schedule_;
+  Policies policies_;
 
   std::mutex mutex_;
   std::condition_variable changed_;

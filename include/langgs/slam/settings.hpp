@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "langgs/core/error.hpp"
@@ -50,6 +51,8 @@ struct MappingSettings {
   PoseRefinement pose_refinement;
   bool refine_poses = true;
   FeatureRendering feature_rendering = FeatureRendering::topk;
+  /// Most bytes that keyframes may hold, their images and feature maps together; see KeyframeStore for what goes first.
+  std::size_t keyframe_bytes = std::size_t{4} << 30;
 };
 
 struct SlamSettings {

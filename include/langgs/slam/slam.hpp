@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "langgs/frame/feature_map.hpp"
+#include "langgs/optimize/feature_average.hpp"
 #include "langgs/render/feature_compositor.hpp"
 #include "langgs/slam/front_end.hpp"
 #include "langgs/slam/mapper.hpp"
@@ -21,14 +22,16 @@ namespace langgs {
 /// The policies are public members: replace them by types of your own, or set their fields, before the first frame.
 /// `process` is the lockstep schedule: the same input gives the same bits, for any number of threads.
 /// `run_realtime` is the same pipeline with tracking and mapping in threads of their own.
-template <int FeatDim, int K = 3, class Pruning = PruningPolicy, class Schedule = HybridSchedule>
+template <int FeatDim, int K = 3, class Pruning = PruningPolicy, class Schedule = HybridSchedule,
+          class FeatureOptimizer = FeatureAverage<>>
 class LangGsSlam {
   static_assert(FeatDim >= 1 && FeatDim <= 4096, "FeatDim must be in [1, 4096]; LSeg and CLIP ViT-B/32 use 512");
-  static_assert(require_map_pruning<Pruning>() && require_optimization_schedule<Schedule>());
+  static_assert(require_map_pruning<Pruning>() && require_optimization_schedule<Schedule>() &&
+                require_feature_optimizer<FeatureOptimizer>());
   static_assert(K >= 1 && K <= 16, "LangGsSlam<FeatDim, K>: K must be in [1, 16]; the paper uses 3");
 
  public:
-  using Map = GaussianMap<FeatDim, Host>;
+  using Map = GaussianMap<FeatDim, Host, FeatureOptimizer>;
 
   LangGsSlam(const Camera& camera, const SlamSettings& settings)
       : camera_(camera),
@@ -37,9 +40,10 @@ class LangGsSlam {
         front_end_(camera, settings.tracking),
         mapper_(camera, settings) {}
 
-  Pruning pruning;                 ///< when and what to remove (section 3.3.1)
-  Schedule schedule;               ///< when to step which field (section 3.4)
-  KeyframePolicy keyframe_policy;  ///< which frames train the map (section 3)
+  Pruning pruning;                     ///< when and what to remove (section 3.3.1)
+  Schedule schedule;                   ///< when to step which field (section 3.4)
+  FeatureOptimizer feature_optimizer;  ///< how features learn, and how the map stores them (section 3.4)
+  KeyframePolicy keyframe_policy;      ///< which frames train the map (section 3)
 
   /// One frame, then `iterations_per_frame` mapping iterations. Throws InvalidArgument for an image of the wrong shape;
   /// a frame that is well formed but not usable is skipped and reported.
@@ -64,13 +68,15 @@ class LangGsSlam {
   /// it must not touch the map, which is being written meanwhile. No frame is held out and `finish` is the caller's.
   template <FrameSource Source, FeatureSource<FeatDim> Features, class Observer>
   void run_realtime(Source& source, Features& features, Observer&& observer, double fps = 0) {
-    RealtimeRunner runner{front_end_, mapper_, keyframe_policy, pruning, schedule};
+    RealtimeRunner runner(front_end_, mapper_, keyframe_policy, policies());
     runner.run(source, features, observer, {fps, settings_.num_threads});
   }
 
   [[nodiscard]] const Map& map() const { return mapper_.map(); }
   [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return mapper_.keyframes(); }
   [[nodiscard]] const Camera& camera() const { return camera_; }
+  /// Bytes held, part by part: the map, the keyframes, and what a feature step needs besides.
+  [[nodiscard]] MemoryReport memory_report() const { return mapper_.memory_report(); }
   /// Poses of all frames so far, with the keyframes' refinement carried to the frames between them.
   [[nodiscard]] std::vector<StampedPose> trajectory() const { return front_end_.trajectory(mapper_.keyframes()); }
 
@@ -93,6 +99,13 @@ class LangGsSlam {
                                                  int height) {
     return renderer_.features(executor_, map(), View(camera, T_world_camera), {width, height, camera});
   }
+  /// Mean cosine of the rendered features to the teachers of all keyframes that still hold theirs.
+  [[nodiscard]] TeacherCosine teacher_cosine() {
+    TeacherCosine cosine;
+    for (const Keyframe<FeatDim>& k : keyframes())
+      if (!k.features.empty()) renderer_.compare(executor_, map(), View(camera_, k.T_world_camera), k.features, cosine);
+    return cosine;
+  }
   /// Per pixel the row of `class_vectors` [num_rows, FeatDim] nearest in direction to the rendered feature; row 0
   /// stands for "nothing" and is given where no Gaussian is seen.
   [[nodiscard]] Image<std::uint16_t> label_image(const Camera& camera, const Pose& T_world_camera,
@@ -106,14 +119,17 @@ class LangGsSlam {
     return settings;
   }
   void iterate(int n) {
-    for (int i = 0; i < n; ++i) mapper_.iterate(executor_, pruning, schedule);
+    for (int i = 0; i < n; ++i) mapper_.iterate(executor_, policies());
+  }
+  [[nodiscard]] MappingPolicies<Pruning, Schedule, FeatureOptimizer> policies() const {
+    return {pruning, schedule, feature_optimizer};
   }
 
   Camera camera_;
   SlamSettings settings_;
   Executor<Host> executor_;
   FrontEnd front_end_;
-  Mapper<FeatDim, K> mapper_;
+  Mapper<FeatDim, K, FeatureOptimizer> mapper_;
   ViewRenderer<FeatDim, K> renderer_;
 };
 

@@ -11,6 +11,7 @@
 #include "langgs/render/feature_compositor.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 #include "langgs/slam/report.hpp"
+#include "langgs/slam/teacher_cosine.hpp"
 
 namespace langgs {
 
@@ -18,8 +19,7 @@ namespace langgs {
 template <int FeatDim, int K>
 class ViewRenderer {
  public:
-  using Map = GaussianMap<FeatDim, Host>;
-
+  template <class Map>
   [[nodiscard]] RenderedImages images(const Executor<Host>& executor, const Map& map, const View& view) {
     rasterizer_.render(executor, map.geometry(), view, /*record_topk=*/false);
     const int width = view.camera.width, height = view.camera.height, n = view.camera.num_pixels();
@@ -35,6 +35,7 @@ class ViewRenderer {
   }
 
   /// [grid.height, grid.width, FeatDim] (paper Eq. 4); zeros where nothing is seen.
+  template <class Map>
   [[nodiscard]] std::vector<float> features(const Executor<Host>& executor, const Map& map, const View& view,
                                             const SampleGrid& grid) {
     LANGGS_EXPECTS(grid.width > 0 && grid.height > 0 && grid.width <= 16384 && grid.height <= 16384,
@@ -46,8 +47,19 @@ class ViewRenderer {
     return out;
   }
 
+  /// How near the features of the view come to a teacher's; `cosine` takes the sum.
+  template <class Map>
+  void compare(const Executor<Host>& executor, const Map& map, const View& view, const FeatureMap<FeatDim>& teacher,
+               TeacherCosine& cosine) {
+    rasterizer_.render(executor, map.geometry(), view);
+    contributions_.from_topk(executor, rasterizer_, {teacher.width(), teacher.height(), view.camera},
+                             teacher.present());
+    cosine.add(executor, contributions_.view(), map.features().data(), teacher);
+  }
+
   /// argmax over the rows of `class_vectors` of F(p) . t / |t|. The compositing is linear, so each Gaussian is compared
   /// with the prompts once and the scores are composited instead of the features.
+  template <class Map>
   [[nodiscard]] Image<std::uint16_t> labels(const Executor<Host>& executor, const Map& map, const View& view,
                                             const std::vector<float>& class_vectors) {
     LANGGS_EXPECTS(!class_vectors.empty() && class_vectors.size() % FeatDim == 0, "class vectors hold ",
@@ -62,24 +74,25 @@ class ViewRenderer {
         columns[static_cast<std::size_t>(c) * rows + r] = prompts[static_cast<std::size_t>(r) * FeatDim + c];
     scores_.assign(static_cast<std::size_t>(map.size()) * rows, 0.f);
     for_each_n(executor, map.size(), [&](int g) {
-      const float* feature = map.features().row(g);
+      const auto* feature = map.features().row(g);
       float* score = scores_.data() + static_cast<std::size_t>(g) * rows;
       for (int c = 0; c < FeatDim; ++c) {
         const float* column = columns.data() + static_cast<std::size_t>(c) * rows;
-        for (int r = 0; r < rows; ++r) score[r] += feature[c] * column[r];
+        const float value = static_cast<float>(feature[c]);
+        for (int r = 0; r < rows; ++r) score[r] += value * column[r];
       }
     });
     rasterizer_.render(executor, map.geometry(), view);
     contributions_.from_topk(executor, rasterizer_, {view.camera.width, view.camera.height, view.camera});
     const ContributionView hits = contributions_.view();
     Image<std::uint16_t> labels(view.camera.width, view.camera.height);
-    for_each_n(executor, hits.num_pixels, [&](int p) {
+    for_each_n(executor, hits.num_pixels(), [&](int p) {
       int best = 0;
       float best_score = 0;
       for (int r = 1; r < rows && hits.begin[p] < hits.begin[p + 1]; ++r) {
         float score = 0;
         for (int i = hits.begin[p]; i < hits.begin[p + 1]; ++i)
-          score += hits.weight[i] * scores_[static_cast<std::size_t>(hits.gaussian[i]) * rows + r];
+          score += hits.contribution[i].weight * scores_[static_cast<std::size_t>(hits.gaussian[i]) * rows + r];
         if (best == 0 || score > best_score) {
           best = r;
           best_score = score;

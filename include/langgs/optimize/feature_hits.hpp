@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "langgs/device/algorithm.hpp"
+#include "langgs/device/buffer.hpp"
+#include "langgs/device/launch.hpp"
+#include "langgs/render/contributions.hpp"
+#include "langgs/render/feature_channels.hpp"
+
+namespace langgs {
+
+/// A Gaussian that some pixels use; its hits are [begin, end).
+struct TouchedGaussian {
+  std::int32_t gaussian, begin, end;
+};
+
+/// Contributions turned around: the pixels of each Gaussian.
+struct FeatureHitsView {
+  int num_touched = 0;
+  const TouchedGaussian* touched = nullptr;  ///< [num_touched]; neighbours in the image are near each other
+  const Contribution* hits = nullptr;        ///< grouped by Gaussian, pixels ascending
+
+  /// To be called at touched Gaussian n: says what those after it will read, their hits and their row of `rows`.
+  template <class Warp, class T>
+  LANGGS_INLINE void prefetch(const Warp& warp, int n, const T* rows, int width) const {
+    if (n + 4 < num_touched) warp.prefetch(hits + touched[n + 4].begin, sizeof(Contribution));
+    if (n + 1 < num_touched)
+      warp.prefetch(rows + static_cast<std::ptrdiff_t>(touched[n + 1].gaussian) * width, width * sizeof(T));
+  }
+};
+
+namespace detail {
+
+/// The patch of a Gaussian's first pixel, or one past the last patch where it has none.
+struct FirstPatch {
+  FeaturePatches patches;
+  const std::int32_t* begin;
+  const Contribution* hits;
+  std::uint32_t* patch;
+  TouchedGaussian* gaussian;
+  LANGGS_HD void operator()(int g) const {
+    const bool is_touched = begin[g] < begin[g + 1];
+    patch[g] = static_cast<std::uint32_t>(is_touched ? patches.of(hits[begin[g]].pixel) : patches.count());
+    gaussian[g] = {g, begin[g], begin[g + 1]};
+  }
+};
+
+}  // namespace detail
+
+/// Owner of hits; reuses its buffers.
+template <class Backend>
+class FeatureHits {
+ public:
+  void build(const Executor<Backend>& executor, const ContributionView& contributions, int num_gaussians) {
+    hits_.resize_discard(contributions.size);
+    group_by_key(executor, reinterpret_cast<const std::uint32_t*>(contributions.gaussian), contributions.contribution,
+                 contributions.size, hits_.data(), begin_, num_gaussians, scratch_);
+    for (auto* buffer : {&all_, &touched_}) buffer->resize_discard(num_gaussians);
+    patch_.resize_discard(num_gaussians);
+    const FeaturePatches patches{contributions.width, contributions.height};
+    for_each_n(executor, num_gaussians,
+               detail::FirstPatch{patches, begin_.data(), hits_.data(), patch_.data(), all_.data()});
+    group_by_key(executor, patch_.data(), all_.data(), num_gaussians, touched_.data(), patch_begin_,
+                 patches.count() + 1, scratch_);
+    num_touched_ = patch_begin_[patches.count()];
+  }
+
+  [[nodiscard]] FeatureHitsView view() const { return {num_touched_, touched_.data(), hits_.data()}; }
+  [[nodiscard]] std::size_t bytes() const {
+    return hits_.bytes() + all_.bytes() + touched_.bytes() + patch_.bytes() +
+           (begin_.capacity() + patch_begin_.capacity() + scratch_.capacity()) * sizeof(std::int32_t);
+  }
+
+ private:
+  int num_touched_ = 0;
+  Buffer<Contribution, Backend> hits_;
+  Buffer<TouchedGaussian, Backend> all_, touched_;
+  Buffer<std::uint32_t, Backend> patch_;
+  std::vector<std::int32_t> begin_, patch_begin_, scratch_;
+};
+
+}  // namespace langgs
