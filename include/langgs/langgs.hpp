@@ -34,6 +34,7 @@
 #include "langgs/manage/pruning_policy.hpp"
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/feature_step.hpp"
+#include "langgs/optimize/feature_weight_gradient.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/optimize/hybrid_schedule.hpp"
 #include "langgs/optimize/pose_refinement.hpp"

@@ -6,6 +6,7 @@
 #include "langgs/optimize/colour_loss.hpp"
 #include "langgs/optimize/depth_loss.hpp"
 #include "langgs/optimize/feature_step.hpp"
+#include "langgs/optimize/feature_weight_gradient.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_compositor.hpp"
 #include "langgs/render/map_gradient.hpp"
@@ -21,10 +22,16 @@ template void launch(const Executor<Cuda>&, int, const TileForward<3>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<5>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<10>&);
 template void launch(const Executor<Cuda>&, int, const TileBackward&);
+template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<3>>&);
+template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<10>>&);
 template void launch(const Executor<Cuda>&, int, const detail::RecordHits&);
 template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512>&);
 template void launch(const Executor<Cuda>&, int, const FeatureSigns<512>&);
 template void launch(const Executor<Cuda>&, int, const FeatureUpdate<512>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, float>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, Half>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 10, Half>&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::ScatterSlopes&);
 
 template void launch(const Executor<Cuda>&, int, const detail::ColourKernel&);
 template void launch(const Executor<Cuda>&, int, const detail::DepthL1&);
