@@ -37,6 +37,7 @@
 #include "langgs/optimize/feature_adam.hpp"
 #include "langgs/optimize/feature_average.hpp"
 #include "langgs/optimize/feature_step.hpp"
+#include "langgs/optimize/feature_weight_gradient.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/optimize/hybrid_schedule.hpp"
 #include "langgs/optimize/pose_refinement.hpp"

@@ -8,6 +8,7 @@
 #include "langgs/optimize/feature_adam.hpp"
 #include "langgs/optimize/feature_average.hpp"
 #include "langgs/optimize/feature_hits.hpp"
+#include "langgs/optimize/feature_weight_gradient.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_compositor.hpp"
 #include "langgs/render/map_gradient.hpp"
@@ -23,11 +24,17 @@ template void launch(const Executor<Cuda>&, int, const TileForward<3>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<5>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<10>&);
 template void launch(const Executor<Cuda>&, int, const TileBackward&);
+template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<3>>&);
+template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<10>>&);
 template void launch(const Executor<Cuda>&, int, const detail::RecordHits&);
 template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, Half, FeatureImageSink<512, Half>>&);
 template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, float, detail::FeatureSigns<512>>&);
 template void launch(const Executor<Cuda>&, int, const detail::AdamFeatureUpdate<512, float>&);
 template void launch(const Executor<Cuda>&, int, const detail::AverageUpdate<512, Half>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, float>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, Half>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 10, Half>&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::ScatterSlopes&);
 
 template void launch(const Executor<Cuda>&, int, const detail::ColourKernel&);
 template void launch(const Executor<Cuda>&, int, const detail::DepthL1&);

@@ -3,6 +3,7 @@
 
 #include "langgs/render/tile_forward.hpp"
 #include "langgs/render/tiles.hpp"
+#include "langgs/render/weight_gradient.hpp"
 
 namespace langgs {
 
@@ -32,15 +33,19 @@ inline constexpr int kSplatSumStride = 16;
 
 /// Backward pass of the blending, front to back: the transmittance is recomputed by multiplication and the colour
 /// behind a splat is the final value minus what has been blended so far. Each instance row has one writer, so no
-/// atomics.
-struct TileBackward {
+/// atomics. WeightGradient is NoWeightGradient, or adds a loss on the blending weights.
+template <class WeightGradient>
+struct TileBackwardWith {
   static constexpr int kThreads = TileGrid::kThreads;
   static constexpr int kBatch = 64;
 
   template <class Block>
+  using WeightReader = typename WeightGradient::template Reader<Block, kBatch>;
+  template <class Block>
   struct Shared {
     TileBatch<Block, kBatch> batch;
     typename Block::template ItemTotals<kNumSplatSums, kBatch> sums;
+    typename WeightReader<Block>::Shared weights;
   };
 
   TileGrid grid;
@@ -48,15 +53,17 @@ struct TileBackward {
   RenderPlanes rendered;
   RenderGradient gradient;
   float* slot_sums = nullptr;  ///< [num_instances, kSplatSumStride] by slot, aligned to 64 bytes
+  WeightGradient weight_gradient = {};
 
   template <class Block>
   LANGGS_HD void operator()(Block& block, Shared<Block>& shared) const {
     using F = VaryingOf<float, Block>;
     const int begin = instances.tile_begin[block.index()], end = instances.tile_begin[block.index() + 1];
     if (begin == end) return;
-    // `behind` is the part of dL/dC . C + dL/dD D that is not blended yet.
+    // `behind` is the part of dL/dC . C + dL/dD D (+ sum of w dL/dw) that is not blended yet.
     typename Block::template PerThread<float> rows, transmittance, behind, up_red, up_green, up_blue, up_depth;
     typename Block::template PerWarp<bool> is_live;
+    WeightReader<Block> weights(weight_gradient, instances);
     const F columns = pixel_columns(grid, block);
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
@@ -71,6 +78,7 @@ struct TileBackward {
       take(up_green, gradient.colour + plane, rendered.colour + plane);
       take(up_blue, gradient.colour + 2 * plane, rendered.colour + 2 * plane);
       take(up_depth, gradient.depth, rendered.depth);
+      weights.load(warp, pixels, plane, sum);
       behind.store(warp, sum);
       rows.store(warp, pixel_rows(grid, block, warp));
       transmittance.store(warp, pixels.initial_transmittance(warp));
@@ -79,12 +87,14 @@ struct TileBackward {
     int first = begin;
     for (bool goes_on = true; goes_on && first < end; first += kBatch) {
       const int n = shared.batch.load(block, instances, first, end);
+      weights.begin_batch(block, shared.weights, first, n);
       block.warps([&](const auto& warp) { is_live.store(warp, warp.any(transmittance.load(warp) > 0.f)); });
       block.sync();
       block.for_each_item(
           n, [&](int j) { return shared.batch.warps(j); },
           [&](const auto& item) LANGGS_INLINE_LAMBDA {
             const Splat& s = shared.batch.splat(item.index());
+            const auto gaussian = weights.gaussian(shared.weights, item.index());
             const SplatColumn<F> column(s, columns);
             F p_sum(0.f), py_sum(0.f), pyy_sum(0.f), red(0.f), green(0.f), blue(0.f), depth(0.f);
             item.warps([&](const auto& warp) LANGGS_INLINE_LAMBDA {
@@ -94,7 +104,8 @@ struct TileBackward {
               const BlendStep<F> step(at, T);
               transmittance.store(warp, step.next_transmittance);
               const F r = up_red.load(warp), g = up_green.load(warp), b = up_blue.load(warp), d = up_depth.load(warp);
-              const F value = r * s.red + g * s.green + b * s.blue + d * s.depth;
+              F value = r * s.red + g * s.green + b * s.blue + d * s.depth;
+              weights.add(warp, gaussian, value);
               const F rest = behind.load(warp) - step.weight * value;
               behind.store(warp, rest);
               // p = alpha dL/dalpha, with dL/dalpha = T value - rest / (1 - alpha).
@@ -133,5 +144,8 @@ struct TileBackward {
     return slot_sums + static_cast<std::ptrdiff_t>(instances.sorted_slot[instance]) * kSplatSumStride;
   }
 };
+
+/// The gradients of losses on colour and depth.
+using TileBackward = TileBackwardWith<NoWeightGradient>;
 
 }  // namespace langgs

@@ -11,6 +11,7 @@
 #include "langgs/render/splat_list.hpp"
 #include "langgs/render/tile_backward.hpp"
 #include "langgs/render/tile_forward.hpp"
+#include "langgs/render/weight_gradient.hpp"
 
 namespace langgs {
 
@@ -44,12 +45,15 @@ class TopKRasterizer {
   }
 
   /// dL/d(parameters) of every visible Gaussian and dL/d(pose) of the view of the last `render`, which must have been
-  /// given the same map and view.
+  /// given the same map and view. A TopKWeightGradient adds a loss on the weights that this render recorded.
+  template <class WeightGradient = NoWeightGradient>
   void backward(const Executor<Backend>& executor, const PlanesView& map, const View& view,
-                const RenderGradient& upstream, MapGradient<Backend>& gradient) {
+                const RenderGradient& upstream, MapGradient<Backend>& gradient,
+                const WeightGradient& weight_gradient = {}) {
     slot_sums_.resize_discard(static_cast<std::size_t>(splats_.num_instances()) * kSplatSumStride);
     launch(executor, splats_.grid().count(),
-           TileBackward{splats_.grid(), splats_.instances(), rendered(), upstream, slot_sums_.data()});
+           TileBackwardWith<WeightGradient>{splats_.grid(), splats_.instances(), rendered(), upstream,
+                                            slot_sums_.data(), weight_gradient});
     gradient.from_slot_sums(executor, map, view, splats_, slot_sums_.data());
   }
 
