@@ -38,6 +38,7 @@
 #include "langgs/optimize/feature_average.hpp"
 #include "langgs/optimize/feature_step.hpp"
 #include "langgs/optimize/feature_weight_gradient.hpp"
+#include "langgs/optimize/field_coupling.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/optimize/hybrid_schedule.hpp"
 #include "langgs/optimize/pose_refinement.hpp"

@@ -147,7 +147,7 @@ TEST_CASE("map management: either policy thins the map, both together most, at t
   }
 }
 
-TEST_CASE("Top-K: speed falls with K, three Gaussians describe a ray better than one, more add little") {
+TEST_CASE("Top-K: speed falls with K, three Gaussians describe a ray best") {
   // Paper, Replica: accuracy .882, .886, .885, .883 at K = 1, 3, 5, 10 and .874 for full blending, at 135, 122, 103, 90
   // and 7 frames per second.
   SlamSettings blending = row_settings();
@@ -162,12 +162,13 @@ TEST_CASE("Top-K: speed falls with K, three Gaussians describe a ray better than
   CHECK(top1.feature_ms < top10.feature_ms);
   CHECK(2 * top10.feature_ms < blend.feature_ms);
 
-  CHECK(top1.accuracy < top3().accuracy);
+  // The paper's order: one is worst of all in accuracy, three are best, and more mix objects at their borders.
+  for (const Outcome* outcome : {&top3(), &top5, &top10, &blend}) CHECK(top1.accuracy < outcome->accuracy);
+  for (const Outcome* outcome : {&top10, &blend}) CHECK(outcome->accuracy < top3().accuracy);
   CHECK(top1.cosine < top3().cosine);
-  // Not as in the paper, where K = 10 and blending lose accuracy: there they cost iterations of a fixed time. Here all
-  // have the same iterations and come out the same, to within a fraction of the step from one to three.
-  const double step = top3().cosine - top1.cosine;
-  for (const Outcome* outcome : {&top5, &top10, &blend}) CHECK(std::abs(outcome->cosine - top3().cosine) < step);
+  CHECK(top5.cosine < top3().cosine);
+  CHECK(top10.cosine < top5.cosine);
+  CHECK(blend.cosine < top5.cosine);
 
   // The paper's fall of PSNR with K (34.94 to 32.24 dB) is time lost as well: the fields are decoupled, so that
   // geometry is the same to the bit.
@@ -180,8 +181,8 @@ TEST_CASE("Top-K: speed falls with K, three Gaussians describe a ray better than
 }
 
 TEST_CASE("hybrid schedule: better images than joint steps in the same time, features as good") {
-  // Paper: +1.44 dB on Replica, +1.65 dB on TUM at a fixed time, accuracy .886 to .883. Here time is counted: at 512
-  // dimensions and this size of image a feature step takes about half of a geometry step.
+  // Paper: +1.44 dB on Replica, +1.65 dB on TUM at a fixed time, accuracy .886 to .883. Here time is counted: a
+  // feature step of the paper's optimiser at 512 dimensions takes about half of a geometry step.
   const auto time = [](const Outcome& o) {
     return o.statistics.geometry_iterations + 0.5 * o.statistics.feature_iterations;
   };

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <deque>
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -15,6 +16,8 @@
 #include "langgs/map/keyframe_store.hpp"
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/feature_step.hpp"
+#include "langgs/optimize/feature_weight_gradient.hpp"
+#include "langgs/optimize/field_coupling.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/optimize/hybrid_schedule.hpp"
 #include "langgs/optimize/pose_refinement.hpp"
@@ -24,15 +27,16 @@
 namespace langgs {
 
 /// What the user of a mapper chooses by type.
-template <class Pruning, class Schedule, class FeatureOptimizer>
+template <class Pruning, class Schedule, class FeatureOptimizer, class Coupling>
 struct MappingPolicies {
   const Pruning& pruning;
   const Schedule& schedule;
   const FeatureOptimizer& feature_optimizer;
+  const Coupling& coupling;
 };
 
 /// The mapping side (paper sections 3.2 to 3.4): grows the map from keyframes and optimises it by rendering them.
-template <int FeatDim, int K, class FeatureOptimizer, class Backend = Host>
+template <int FeatDim, int K, class FeatureOptimizer, class Coupling, class Backend = Host>
 class Mapper {
  public:
   using Map = GaussianMap<FeatDim, Backend, FeatureOptimizer>;
@@ -88,7 +92,7 @@ class Mapper {
   /// One mapping iteration: render a keyframe, compare, step geometry and, when due, features; prune when due.
   template <MapPruning Pruning, OptimizationSchedule Schedule>
   void iterate(const Executor<Backend>& executor,
-               const MappingPolicies<Pruning, Schedule, FeatureOptimizer>& policies) {
+               const MappingPolicies<Pruning, Schedule, FeatureOptimizer, Coupling>& policies) {
     if (keyframes_.empty()) return;
     bool first_visit = false;
     const int index = next_keyframe(first_visit);
@@ -100,7 +104,8 @@ class Mapper {
     collect_statistics(executor);
     const OptimizationStep due = policies.schedule(MappingVisit{iteration_, first_visit});
     if (due.geometry) {
-      step_geometry(executor, view, keyframe, refinements_[index]);
+      const Coupling* const coupling = due.features && !keyframe.features.empty() ? &policies.coupling : nullptr;
+      step_geometry(executor, view, keyframe, refinements_[index], coupling);
       geometry_ms_.push_back(since(start));
     }
     if (due.features && !keyframe.features.empty()) {
@@ -158,7 +163,7 @@ class Mapper {
   }
 
   void step_geometry(const Executor<Backend>& executor, const View& view, Keyframe<FeatDim>& keyframe,
-                     PoseRefinementState& refinement) {
+                     PoseRefinementState& refinement, const Coupling* coupling) {
     const std::size_t n = camera_.num_pixels();
     for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(4 * n);
     for_each_n(
@@ -168,10 +173,24 @@ class Mapper {
     last_loss_ = loss_.evaluate(executor, {rendered.colour, rendered.depth, camera_.width, camera_.height},
                                 {target_.data(), target_.data() + 3 * n, camera_.width, camera_.height},
                                 {gradient_.data(), gradient_.data() + 3 * n});
-    rasterizer_.backward(executor, map_.geometry(), view, {gradient_.data(), gradient_.data() + 3 * n}, map_gradient_);
+    backward(executor, view, keyframe, coupling);
     adam_.step(executor, map_, map_gradient_);
     if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
       keyframe.T_world_camera = settings_.mapping.pose_refinement.step(refinement, map_gradient_.pose()).inverse();
+  }
+
+  /// `coupling` is null where the features of the keyframe have no say.
+  void backward(const Executor<Backend>& executor, const View& view, const Keyframe<FeatDim>& keyframe,
+                const Coupling* coupling) {
+    const RenderGradient upstream{gradient_.data(), gradient_.data() + 3 * camera_.num_pixels()};
+    if constexpr (Coupling::kCoupled) {
+      if (coupling != nullptr) {
+        const SampleGrid grid{keyframe.features.width(), keyframe.features.height(), camera_};
+        on_weights_.evaluate(executor, rasterizer_, grid, map_.features().data(), keyframe.features, coupling->weight);
+        return rasterizer_.backward(executor, map_.geometry(), view, upstream, map_gradient_, on_weights_.view());
+      }
+    }
+    rasterizer_.backward(executor, map_.geometry(), view, upstream, map_gradient_);
   }
 
   void step_features(const Executor<Backend>& executor, const FeatureOptimizer& optimizer,
@@ -256,6 +275,7 @@ class Mapper {
   SelectiveAdam<Backend> adam_;
   Contributions<Backend> contributions_;
   FeatureStep<FeatDim, FeatureOptimizer, Backend> feature_step_;
+  std::conditional_t<Coupling::kCoupled, FeatureWeightGradient<FeatDim, K, Backend>, Coupling> on_weights_;
   Buffer<float, Backend> target_, gradient_;
   std::vector<std::int32_t> keep_;
   int iteration_ = 0, inserted_ = 0, suppressed_ = 0, pruned_ = 0;

@@ -23,7 +23,7 @@ namespace langgs {
 /// `process` is the lockstep schedule: the same input gives the same bits, for any number of threads.
 /// `run_realtime` is the same pipeline with tracking and mapping in threads of their own.
 template <int FeatDim, int K = 3, class Pruning = PruningPolicy, class Schedule = HybridSchedule,
-          class FeatureOptimizer = FeatureAverage<>>
+          class FeatureOptimizer = FeatureAverage<>, class Coupling = DecoupledFields>
 class LangGsSlam {
   static_assert(FeatDim >= 1 && FeatDim <= 4096, "FeatDim must be in [1, 4096]; LSeg and CLIP ViT-B/32 use 512");
   static_assert(require_map_pruning<Pruning>() && require_optimization_schedule<Schedule>() &&
@@ -43,6 +43,7 @@ class LangGsSlam {
   Pruning pruning;                     ///< when and what to remove (section 3.3.1)
   Schedule schedule;                   ///< when to step which field (section 3.4)
   FeatureOptimizer feature_optimizer;  ///< how features learn, and how the map stores them (section 3.4)
+  Coupling coupling;                   ///< whether the feature loss moves geometry (off, section 3.4)
   KeyframePolicy keyframe_policy;      ///< which frames train the map (section 3)
 
   /// One frame, then `iterations_per_frame` mapping iterations. Throws InvalidArgument for an image of the wrong shape;
@@ -121,15 +122,15 @@ class LangGsSlam {
   void iterate(int n) {
     for (int i = 0; i < n; ++i) mapper_.iterate(executor_, policies());
   }
-  [[nodiscard]] MappingPolicies<Pruning, Schedule, FeatureOptimizer> policies() const {
-    return {pruning, schedule, feature_optimizer};
+  [[nodiscard]] MappingPolicies<Pruning, Schedule, FeatureOptimizer, Coupling> policies() const {
+    return {pruning, schedule, feature_optimizer, coupling};
   }
 
   Camera camera_;
   SlamSettings settings_;
   Executor<Host> executor_;
   FrontEnd front_end_;
-  Mapper<FeatDim, K, FeatureOptimizer> mapper_;
+  Mapper<FeatDim, K, FeatureOptimizer, Coupling> mapper_;
   ViewRenderer<FeatDim, K> renderer_;
 };
 
