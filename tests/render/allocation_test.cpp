@@ -4,6 +4,9 @@
 #include <vector>
 
 #include "langgs/optimize/adam.hpp"
+#include "langgs/optimize/feature_adam.hpp"
+#include "langgs/optimize/feature_average.hpp"
+#include "langgs/optimize/feature_step.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 #include "render/render_scene.hpp"
@@ -64,5 +67,35 @@ TEST_CASE("rendering, its loss, the backward pass and Adam allocate nothing once
     const long allocations = test::num_allocations() - before;
     CHECK(gradient.size() > 4096);
     CHECK(allocations == 0);
+  }
+}
+
+TEST_CASE_TEMPLATE("a feature step allocates nothing once it has seen the views", Optimizer, FeatureAverage<>,
+                   FeatureAdam<>) {
+  constexpr int kDim = 40;
+  for (const int threads : {1, 3}) {
+    CAPTURE(threads);
+    const Executor<Host> executor(threads);
+    const test::RenderScene scene = test::random_scene(160, 120, 3000, {}, 5);
+    const GaussianMap<1> geometry = scene.map();
+    GaussianMap<kDim, Host, Optimizer> map;
+    map.append(std::vector<Gaussian<kDim>>(3000), 0, 0);
+    FeatureMap<kDim> teacher(80, 60);
+    const std::vector<float> one(kDim, 1.f);
+    for (int p = 0; p < 80 * 60; ++p) teacher.set_pixel(p % 80, p / 80, one.data());
+    TopKRasterizer<3> rasterizer;
+    rasterizer.render(executor, geometry.geometry(), scene.view());
+    Contributions<Host> contributions;
+    FeatureStep<kDim, Optimizer> step;
+    const auto round = [&] {
+      contributions.from_topk(executor, rasterizer, {80, 60, scene.camera}, teacher.present());
+      step.step(executor, {}, map, contributions.view(), teacher);
+    };
+    round();
+    const long before = test::num_allocations();
+    round();
+    round();
+    CHECK(test::num_allocations() == before);
+    CHECK(contributions.view().size > 1000);
   }
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "conformance/feature_optimizer.hpp"
 #include "conformance/feature_source.hpp"
 #include "conformance/frame_source.hpp"
 #include "conformance/pruning_policy.hpp"
@@ -6,6 +7,8 @@
 #include "langgs/frame/label_features.hpp"
 #include "langgs/frame/synthetic_room.hpp"
 #include "langgs/frame/texture_features.hpp"
+#include "langgs/optimize/feature_adam.hpp"
+#include "langgs/optimize/feature_average.hpp"
 
 using namespace langgs;
 
@@ -54,3 +57,5 @@ TEST_CASE_TEMPLATE_INVOKE(langgs_pruning_policy_conformance, PruningPolicy, NoPr
 TEST_CASE_TEMPLATE_INVOKE(langgs_schedule_conformance, HybridSchedule, JointSchedule, GeometrySchedule);
 TEST_CASE_TEMPLATE_INVOKE(langgs_frame_source_conformance, CleanRoom, NoisyRoom);
 TEST_CASE_TEMPLATE_INVOKE(langgs_feature_source_conformance, Labels, Texture, Nothing);
+TEST_CASE_TEMPLATE_INVOKE(langgs_feature_optimizer_conformance, FeatureAverage<>, FeatureAverage<float>, FeatureAdam<>,
+                          FeatureAdam<Half>);
