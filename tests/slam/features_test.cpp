@@ -126,3 +126,26 @@ TEST_CASE("keyframes stay within their budget, and the map keeps what they taugh
   }
   CHECK(equal > 0.9 * all);
 }
+
+TEST_CASE("memory stops growing once the room is covered") {
+  const SyntheticRoom room = test::small_room(kFrames);
+  SlamSettings settings = test::small_settings();
+  settings.mapping.keyframe_bytes = 200'000;
+  Slam<FeatureAverage<>> slam(room.camera(), settings);
+  slam.keyframe_policy = test::often();
+  LabelFeatures<kDim> features = test::label_features(room);
+  features.labels_of = [&](const RgbdFrame&) { return room.labels(0); };  // of no matter here
+  std::vector<std::size_t> held;
+  for (int lap = 0; lap < 5; ++lap) {
+    for (RgbdFrame frame : test::frames_of(room)) {
+      frame.timestamp += lap;
+      slam.process(frame, features);
+    }
+    std::size_t bytes = 0;
+    for (const auto& [part, of_part] : slam.memory_report()) bytes += of_part;
+    held.push_back(bytes);
+  }
+  CHECK(slam.statistics().keyframes > 12);
+  CHECK(slam.statistics().lost_frames == 0);
+  CHECK(held[4] < 1.02 * held[2]);
+}
