@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -104,12 +105,18 @@ class PipelineOf : public Pipeline {
     writer.add("log_scales", {n, 3}, cloud.log_scale.data()->data());
     writer.add("rotations", {n, 4}, cloud.rotation.data()->data());
     writer.add("opacity_logits", {n}, cloud.opacity_logit.data());
-    std::vector<Half> features;
+    std::vector<Half> rounded;
     if constexpr (D > 1) {
       const auto* values = slam_.map().features().data();
-      features.reserve(n * D);
-      for (std::size_t i = 0; i < n * D; ++i) features.push_back(static_cast<Half>(values[i]));
-      writer.add("features", {n, static_cast<std::size_t>(D)}, features.data());
+      const Half* halves;
+      if constexpr (std::is_same_v<decltype(values), const Half*>) {
+        halves = values;
+      } else {
+        rounded.reserve(n * D);
+        for (std::size_t i = 0; i < n * D; ++i) rounded.push_back(Half(values[i]));
+        halves = rounded.data();
+      }
+      writer.add("features", {n, static_cast<std::size_t>(D)}, halves);
     }
     writer.save(path);
   }
