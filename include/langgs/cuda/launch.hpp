@@ -58,7 +58,9 @@ void launch_cuda(const Executor<Cuda>& executor, void (*function)(Arguments...),
   const cudaError_t status =
       cudaLaunchKernel(reinterpret_cast<const void*>(function), dim3(static_cast<unsigned>(num_blocks)),
                        dim3(static_cast<unsigned>(num_threads)), pointers, 0, executor.stream());
-  check_cuda(status, "launch of ", type_name<Kernel>(), " with ", num_blocks, " blocks of ", num_threads, " threads");
+  if (status != cudaSuccess)
+    check_cuda(status, "launch of ", type_name<Kernel>(), " with ", num_blocks, " blocks of ", num_threads, " threads");
+  executor.launched(&type_name<Kernel>, num_blocks, num_threads);
 }
 
 [[nodiscard]] inline int num_element_blocks(int n) {
