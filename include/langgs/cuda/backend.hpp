@@ -27,7 +27,7 @@ struct Cuda {
 enum class LaunchChecks { at_synchronize, after_each_launch };
 
 /// A stream, the memory for work on it, and the last launch. Copies are the same executor. Launches return before their
-/// kernels have run. Not for use by two threads at a time.
+/// kernels have run; the last copy waits for the stream. Not for use by two threads at a time.
 template <>
 class Executor<Cuda> {
  public:
@@ -71,6 +71,7 @@ class Executor<Cuda> {
     Shared& operator=(const Shared&) = delete;
     ~Shared() {
       if (workspace != nullptr) memory->release(workspace, workspace_bytes, stream);
+      (void)cudaStreamSynchronize(stream);  // no work outlives the memory that it was given
     }
     [[nodiscard]] void* grown_workspace(std::size_t bytes) {
       if (bytes > workspace_bytes) {
