@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "cuda/counted_memory.hpp"
 #include "cuda/device_array.hpp"
 #include "langgs/cuda/graph.hpp"
 #include "langgs/cuda/profile_range.hpp"
@@ -15,6 +16,7 @@
 namespace langgs {
 namespace {
 
+using test::CountedMemory;
 using test::DeviceArray;
 
 template <class T>
@@ -26,24 +28,6 @@ static_assert(kMoveOnly<cuda::PinnedBuffer<int>>);
 struct AddOne {
   int* values;
   LANGGS_HD void operator()(int i) const { values[i] += 1; }
-};
-
-/// Memory as a user would bring it; counts what is asked for.
-struct CountedMemory : cuda::DeviceMemory {
-  void* allocate(std::size_t bytes, cudaStream_t) override {
-    void* pointer = nullptr;
-    detail::check_cuda(cudaMalloc(&pointer, bytes), "allocating");
-    ++allocations;
-    live += static_cast<long>(bytes);
-    return pointer;
-  }
-  void release(void* pointer, std::size_t bytes, cudaStream_t stream) noexcept override {
-    (void)cudaStreamSynchronize(stream);
-    (void)cudaFree(pointer);
-    live -= static_cast<long>(bytes);
-  }
-  int allocations = 0;
-  long live = 0;
 };
 
 TEST_CASE("Events order two streams, and the host waits for them") {

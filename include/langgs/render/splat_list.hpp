@@ -180,6 +180,13 @@ struct EmitInstances {
   }
 };
 
+/// Writes what follows the last slot.
+struct EndSlots {
+  std::int32_t* end;
+  std::int32_t num_instances;
+  LANGGS_HD void operator()(int) const { *end = num_instances; }
+};
+
 /// The visible Gaussians of a view as splats, and the tiles that each of them touches, sorted by depth in each tile.
 /// Owns its buffers and reuses them from view to view.
 template <class Backend>
@@ -236,12 +243,6 @@ class SplatList {
     group_by_key(executor, tile_slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
                  scratch_);
   }
-
-  struct EndSlots {
-    std::int32_t* end;
-    std::int32_t num_instances;
-    LANGGS_HD void operator()(int) const { *end = num_instances; }
-  };
 
   TileGrid grid_;
   int num_splats_ = 0, num_instances_ = 0;
