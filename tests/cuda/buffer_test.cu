@@ -25,7 +25,7 @@ std::vector<float> values(const Executor<Cuda>& executor, const FloatBuffer& buf
 }
 
 TEST_CASE("A Buffer on CUDA moves, grows and keeps as on the host") {
-  const Executor<Cuda> executor{cuda::Stream()};
+  const Executor<Cuda> executor{gpu::Stream()};
   FloatBuffer buffer;
   CHECK(buffer.size() == 0);
   buffer.fill(executor, 1.f);
@@ -62,7 +62,7 @@ TEST_CASE("A Buffer on CUDA moves, grows and keeps as on the host") {
 TEST_CASE("A Buffer on CUDA outlives the executor that it was made on") {
   FloatBuffer buffer;
   {
-    const Executor<Cuda> executor{cuda::Stream()};
+    const Executor<Cuda> executor{gpu::Stream()};
     buffer.resize_discard(executor, 10);
     buffer.fill(executor, 2.f);
     executor.synchronize();

@@ -8,7 +8,7 @@
 namespace langgs::test {
 
 /// Memory as a user would bring it; counts what is asked for.
-struct CountedMemory : cuda::DeviceMemory {
+struct CountedMemory : gpu::DeviceMemory {
   void* allocate(std::size_t bytes, cudaStream_t) override {
     void* pointer = nullptr;
     detail::check_cuda(cudaMalloc(&pointer, bytes), "allocating");

@@ -40,7 +40,7 @@ int num_far(const std::vector<T>& got, const std::vector<T>& expected, double ab
 
 struct Bench {
   // Partial tiles on both sides; 23 tiles' worth of Gaussians, some of them outside.
-  Bench() : host(test::render_on_host(69, 45, 300, 7)), executor(cuda::Stream(), memory) {
+  Bench() : host(test::render_on_host(69, 45, 300, 7)), executor(gpu::Stream(), memory) {
     upload(host.map, map_memory);
     upload(host.target, target);
     upload(host.planes, host_planes);

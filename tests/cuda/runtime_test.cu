@@ -22,8 +22,8 @@ using test::DeviceArray;
 template <class T>
 constexpr bool kMoveOnly =
     std::is_nothrow_move_constructible_v<T>&& std::is_nothrow_move_assignable_v<T> && !std::is_copy_constructible_v<T>;
-static_assert(kMoveOnly<cuda::Stream> && kMoveOnly<cuda::Event> && kMoveOnly<cuda::Graph>);
-static_assert(kMoveOnly<cuda::PinnedBuffer<int>>);
+static_assert(kMoveOnly<gpu::Stream> && kMoveOnly<gpu::Event> && kMoveOnly<gpu::Graph>);
+static_assert(kMoveOnly<gpu::PinnedBuffer<int>>);
 
 struct AddOne {
   int* values;
@@ -31,17 +31,17 @@ struct AddOne {
 };
 
 TEST_CASE("Events order two streams, and the host waits for them") {
-  const Executor<Cuda> first{cuda::Stream{}};
-  cuda::Stream second_stream;
+  const Executor<Cuda> first{gpu::Stream{}};
+  gpu::Stream second_stream;
   const Executor<Cuda> second(second_stream.get());
   DeviceArray<int> values(std::vector<int>(1000, 5));
-  cuda::Event first_done, all_done;
+  gpu::Event first_done, all_done;
   for_each_n(first, 1000, AddOne{values.data()});
   first_done.record(first.stream());
   second_stream.wait(first_done);
   for_each_n(second, 1000, AddOne{values.data()});
   all_done.record(second.stream());
-  cuda::PinnedBuffer<int> got(1000);
+  gpu::PinnedBuffer<int> got(1000);
   all_done.synchronize();
   CHECK(all_done.is_done());
   detail::check_cuda(cudaMemcpyAsync(got.data(), values.data(), 4000, cudaMemcpyDeviceToHost, second.stream()), "copy");
@@ -70,10 +70,10 @@ TEST_CASE("The workspace grows to the largest request, from memory that a user m
 }
 
 TEST_CASE("A graph repeats what it captured, and what is thrown meanwhile ends the capture") {
-  const cuda::ProfileRange range("graph test");
-  const Executor<Cuda> executor{cuda::Stream{}};
+  const gpu::ProfileRange range("graph test");
+  const Executor<Cuda> executor{gpu::Stream{}};
   DeviceArray<int> values(std::vector<int>(300, 0));
-  const cuda::Graph graph(executor, [&] {
+  const gpu::Graph graph(executor, [&] {
     for_each_n(executor, 300, AddOne{values.data()});
     for_each_n(executor, 200, AddOne{values.data()});
   });
@@ -84,11 +84,11 @@ TEST_CASE("A graph repeats what it captured, and what is thrown meanwhile ends t
   CHECK(values.values()[0] == 6);
   CHECK(values.values()[299] == 3);
 
-  CHECK_THROWS_AS(cuda::Graph(executor, [] { throw InvalidArgument("mine"); }), InvalidArgument);
+  CHECK_THROWS_AS(gpu::Graph(executor, [] { throw InvalidArgument("mine"); }), InvalidArgument);
   for_each_n(executor, 300, AddOne{values.data()});
   executor.synchronize();
   CHECK(values.values()[299] == 4);
-  CHECK_THROWS_WITH_AS(cuda::Graph(Executor<Cuda>(), [] {}), doctest::Contains("capture"), DeviceError);
+  CHECK_THROWS_WITH_AS(gpu::Graph(Executor<Cuda>(), [] {}), doctest::Contains("capture"), DeviceError);
 }
 
 TEST_CASE("Errors name the call, the error and the remedy") {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
 
 #if defined(__CUDACC__)
@@ -22,7 +23,7 @@ using TestBackend = Cuda;
 inline constexpr int kThreadCounts[] = {1};
 /// More than one tile of any algorithm; what runs CUDA without a GPU is slow.
 inline constexpr int kManyItems = 20'000;
-inline Executor<Cuda> test_executor(int = 1) { return Executor<Cuda>(cuda::Stream()); }
+inline Executor<Cuda> test_executor(int = 1) { return Executor<Cuda>(gpu::Stream()); }
 template <class T>
 using Array = DeviceArray<T>;
 
@@ -49,5 +50,13 @@ class Array {
 #endif
 
 using TestExecutor = Executor<TestBackend>;
+
+/// The host's copy of n values in the backend's memory.
+template <class T>
+[[nodiscard]] std::vector<T> fetch(const TestExecutor& executor, const T* from, std::size_t n) {
+  std::vector<T> result(n);
+  copy_to_host(executor, from, n, result.data());
+  return result;
+}
 
 }  // namespace langgs::test

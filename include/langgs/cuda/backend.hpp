@@ -14,6 +14,9 @@
 #include "langgs/host/backend.hpp"
 
 /// @file The CUDA backend: its tag, and what its kernels run on.
+///
+/// What is CUDA's own lies in the namespace langgs::gpu. Were it langgs::cuda, `using namespace langgs` would make the
+/// toolkit's ::cuda ambiguous.
 
 namespace langgs {
 
@@ -33,16 +36,16 @@ class Executor<Cuda> {
  public:
   /// On a stream that somebody else owns, and that outlives the executor and the buffers made on it; null is the
   /// default stream. Without `memory`, a pool of its own.
-  explicit Executor(cudaStream_t stream = nullptr, std::shared_ptr<cuda::DeviceMemory> memory = nullptr)
+  explicit Executor(cudaStream_t stream = nullptr, std::shared_ptr<gpu::DeviceMemory> memory = nullptr)
       : shared_(std::make_shared<Shared>(std::nullopt, stream, std::move(memory))) {}
   /// Takes a stream over.
-  explicit Executor(cuda::Stream stream, std::shared_ptr<cuda::DeviceMemory> memory = nullptr) {
+  explicit Executor(gpu::Stream stream, std::shared_ptr<gpu::DeviceMemory> memory = nullptr) {
     const cudaStream_t handle = stream.get();
     shared_ = std::make_shared<Shared>(std::move(stream), handle, std::move(memory));
   }
 
   [[nodiscard]] cudaStream_t stream() const { return shared_->stream; }
-  [[nodiscard]] const std::shared_ptr<cuda::DeviceMemory>& memory() const { return shared_->memory; }
+  [[nodiscard]] const std::shared_ptr<gpu::DeviceMemory>& memory() const { return shared_->memory; }
   /// Waits for everything on the stream; throws DeviceError if any of it failed.
   void synchronize() const {
     detail::check_cuda(cudaStreamSynchronize(stream()), "waiting for a CUDA stream whose last launch was ",
@@ -63,10 +66,10 @@ class Executor<Cuda> {
 
  private:
   struct Shared {
-    Shared(std::optional<cuda::Stream> owned_, cudaStream_t stream_, std::shared_ptr<cuda::DeviceMemory> memory_)
+    Shared(std::optional<gpu::Stream> owned_, cudaStream_t stream_, std::shared_ptr<gpu::DeviceMemory> memory_)
         : owned(std::move(owned_)),
           stream(stream_),
-          memory(memory_ != nullptr ? std::move(memory_) : std::make_shared<cuda::StreamOrderedMemory>()) {}
+          memory(memory_ != nullptr ? std::move(memory_) : std::make_shared<gpu::StreamOrderedMemory>()) {}
     Shared(const Shared&) = delete;
     Shared& operator=(const Shared&) = delete;
     ~Shared() {
@@ -88,9 +91,9 @@ class Executor<Cuda> {
       return detail::concat(name(), " with ", num_blocks, " blocks of ", num_threads, " threads");
     }
 
-    std::optional<cuda::Stream> owned;
+    std::optional<gpu::Stream> owned;
     cudaStream_t stream;
-    std::shared_ptr<cuda::DeviceMemory> memory;
+    std::shared_ptr<gpu::DeviceMemory> memory;
     void* workspace = nullptr;
     std::size_t workspace_bytes = 0;
     LaunchChecks checks = LaunchChecks::at_synchronize;

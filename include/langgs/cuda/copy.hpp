@@ -51,7 +51,7 @@ class Readback<T, Cuda> {
     if (executor_) executor_->synchronize();
   }
   std::optional<Executor<Cuda>> executor_;
-  cuda::PinnedBuffer<T> values_;
+  gpu::PinnedBuffer<T> values_;
 };
 
 }  // namespace langgs

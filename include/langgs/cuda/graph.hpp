@@ -3,7 +3,7 @@
 
 #include "langgs/cuda/backend.hpp"
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// Work recorded once and launched as a whole: many small kernels for the price of one launch. Move-only.
 class Graph {
@@ -41,4 +41,4 @@ class Graph {
   Instance instance_;
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

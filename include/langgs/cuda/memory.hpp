@@ -11,7 +11,7 @@
 
 /// @file Where device memory comes from, and page-locked host memory for copies that need not wait.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// Where an Executor<Cuda> takes device memory from. Derive from it to bring a pool of your own.
 class DeviceMemory {
@@ -97,4 +97,4 @@ class PinnedBuffer {
   std::size_t size_ = 0, capacity_ = 0;
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

@@ -8,7 +8,7 @@
 #endif
 #endif
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// Names the host's work of a scope for Nsight and other profilers; does nothing where NVTX is not installed.
 class ProfileRange {
@@ -23,6 +23,6 @@ class ProfileRange {
   ProfileRange& operator=(const ProfileRange&) = delete;
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu
 
 #undef LANGGS_HAS_NVTX

@@ -5,7 +5,7 @@
 
 /// @file Owners of CUDA streams and events.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// A point in a stream's work that the host or another stream can wait for. Move-only.
 class Event {
@@ -54,4 +54,4 @@ class Stream {
   detail::UniqueHandle<cudaStream_t, &cudaStreamDestroy> handle_;
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu
