@@ -19,8 +19,9 @@
 #include "langgs/cuda/copy.hpp"
 #include "langgs/device/key_value.hpp"
 
-/// @file The CUDA twin of host/algorithm.hpp, by CUB. All pointers are to device memory. What returns a number waits
-/// for the stream; nothing else does.
+/// @file The CUDA twin of host/algorithm.hpp, by CUB. Templates, so that a file which calls none of them does not
+/// compile CUB's kernels. All pointers are to device memory. What returns a number waits for the stream; nothing else
+/// does.
 
 namespace langgs {
 
@@ -128,8 +129,9 @@ template <class Function>
 
 }  // namespace detail
 
-inline void sort_by_key(const Executor<Cuda>& executor, std::uint32_t* keys, std::int32_t* values, int n,
-                        SortScratch<Cuda>&) {
+template <detail::CudaBackend Backend>
+void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::int32_t* values, int n,
+                 SortScratch<Cuda>&) {
   if (n == 0) return;
   const std::size_t bytes = static_cast<std::size_t>(n) * 4, part = detail::part_bytes(bytes);
   cub::DoubleBuffer<std::uint32_t> sorted_keys;
@@ -150,8 +152,8 @@ inline void sort_by_key(const Executor<Cuda>& executor, std::uint32_t* keys, std
 }
 
 /// Waits for the stream, once for all.
-template <std::size_t N>
-std::array<int, N> exclusive_scans(const Executor<Cuda>& executor, const CountsAndOffsets (&scans)[N], int n) {
+template <detail::CudaBackend Backend, std::size_t N>
+std::array<int, N> exclusive_scans(const Executor<Backend>& executor, const CountsAndOffsets (&scans)[N], int n) {
   const std::int64_t* totals = nullptr;
   for (std::size_t s = 0; s < N; ++s)
     totals = reinterpret_cast<const std::int64_t*>(detail::run_cub(
@@ -172,12 +174,14 @@ std::array<int, N> exclusive_scans(const Executor<Cuda>& executor, const CountsA
   return result;
 }
 /// Waits for the stream.
-inline int exclusive_scan(const Executor<Cuda>& executor, const std::int32_t* counts, std::int32_t* offsets, int n) {
+template <detail::CudaBackend Backend>
+int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts, std::int32_t* offsets, int n) {
   return exclusive_scans(executor, {{counts, offsets}}, n)[0];
 }
 
-inline void scan_in_order(const Executor<Cuda>& executor, const std::int32_t* which, const std::int32_t* begin,
-                          std::int32_t* offsets, int n) {
+template <detail::CudaBackend Backend>
+void scan_in_order(const Executor<Backend>& executor, const std::int32_t* which, const std::int32_t* begin,
+                   std::int32_t* offsets, int n) {
   detail::run_cub(executor, "scan_in_order", 0, [&](void* temporary, std::size_t& temporary_bytes, std::byte*) {
     return cub::DeviceScan::ExclusiveSum(temporary, temporary_bytes, detail::indexed(detail::SizeOfGroup{which, begin}),
                                          thrust::make_tabulate_output_iterator(detail::PutGroupOffset{which, offsets}),
@@ -186,7 +190,8 @@ inline void scan_in_order(const Executor<Cuda>& executor, const std::int32_t* wh
 }
 
 /// Waits for the stream.
-inline int select_flagged(const Executor<Cuda>& executor, const std::int32_t* flags, std::int32_t* selected, int n) {
+template <detail::CudaBackend Backend>
+int select_flagged(const Executor<Backend>& executor, const std::int32_t* flags, std::int32_t* selected, int n) {
   const std::byte* const count = detail::run_cub(
       executor, "select_flagged", sizeof(std::int32_t),
       [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
@@ -199,8 +204,9 @@ inline int select_flagged(const Executor<Cuda>& executor, const std::int32_t* fl
 }
 
 /// Long rows are summed piece by piece, and then the pieces.
-inline void sum_rows(const Executor<Cuda>& executor, const float* rows, std::ptrdiff_t stride, int n, int num_rows,
-                     double* sums) {
+template <detail::CudaBackend Backend>
+void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, int n, int num_rows,
+              double* sums) {
   const int pieces = std::max(1, (n + detail::RowPiece::kSize - 1) / detail::RowPiece::kSize);
   const auto values = thrust::make_transform_iterator(rows, detail::ToDouble{});
   detail::run_cub(executor, "sum_rows", static_cast<std::size_t>(pieces) * num_rows * sizeof(double),
@@ -220,8 +226,9 @@ inline void sum_rows(const Executor<Cuda>& executor, const float* rows, std::ptr
                   });
 }
 
-inline void group_by_key(const Executor<Cuda>& executor, const std::uint32_t* keys, const std::int32_t* values, int n,
-                         std::int32_t* grouped, Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+template <detail::CudaBackend Backend>
+void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const std::int32_t* values, int n,
+                  std::int32_t* grouped, Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   const std::byte* const sorted = detail::run_cub(
       executor, "group_by_key", static_cast<std::size_t>(n) * 4,
@@ -233,8 +240,9 @@ inline void group_by_key(const Executor<Cuda>& executor, const std::uint32_t* ke
              detail::FindGroups<std::uint32_t>{reinterpret_cast<const std::uint32_t*>(sorted), n, offsets.data()});
 }
 
-inline void group_by_key(const Executor<Cuda>& executor, KeyValue* pairs, int n, std::int32_t* grouped,
-                         Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+template <detail::CudaBackend Backend>
+void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, int n, std::int32_t* grouped,
+                  Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
   // A pair is sorted as one number, by the bits of its key, which are its lowest.
   static_assert(sizeof(KeyValue) == sizeof(std::uint64_t) && offsetof(KeyValue, key) == 0);
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);

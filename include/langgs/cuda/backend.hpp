@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "langgs/cuda/error.hpp"
@@ -24,6 +25,13 @@ namespace langgs {
 struct Cuda {
   static constexpr bool kChecked = false;
 };
+
+namespace detail {
+
+template <class Backend>
+concept CudaBackend = std::is_same_v<Backend, Cuda>;
+
+}  // namespace detail
 
 /// When a kernel's error is looked for: where the host waits anyway, or after each launch, which then waits and can
 /// name its kernel (slow; for finding mistakes).
