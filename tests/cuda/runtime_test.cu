@@ -11,6 +11,7 @@
 #include "cuda/device_array.hpp"
 #include "langgs/cuda/graph.hpp"
 #include "langgs/cuda/profile_range.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
 
 namespace langgs {
@@ -23,7 +24,7 @@ template <class T>
 constexpr bool kMoveOnly =
     std::is_nothrow_move_constructible_v<T>&& std::is_nothrow_move_assignable_v<T> && !std::is_copy_constructible_v<T>;
 static_assert(kMoveOnly<gpu::Stream> && kMoveOnly<gpu::Event> && kMoveOnly<gpu::Graph>);
-static_assert(kMoveOnly<gpu::PinnedBuffer<int>>);
+static_assert(kMoveOnly<gpu::PinnedBuffer<int>> && kMoveOnly<Readback<int, Cuda>>);
 
 struct AddOne {
   int* values;
@@ -50,6 +51,27 @@ TEST_CASE("Events order two streams, and the host waits for them") {
   const int* const memory = got.data();
   got.resize_discard(10);
   CHECK(got.data() == memory);
+  gpu::PinnedBuffer<int> moved(std::move(got));
+  CHECK(moved.data() == memory);
+  CHECK(got.size() == 0);
+  got.resize_discard(5);
+  CHECK(got.data() != memory);
+}
+
+TEST_CASE("A Readback keeps the values of its time, and may be moved while they are under way") {
+  const Executor<Cuda> executor{gpu::Stream{}};
+  DeviceArray<int> values(std::vector<int>(300, 1));
+  Readback<int, Cuda> before;
+  before.start(executor, values.data(), 300);
+  for_each_n(executor, 300, AddOne{values.data()});
+  Readback<int, Cuda> moved(std::move(before)), after;
+  after.start(executor, values.data(), 200);
+  CHECK(moved.values()[299] == 1);
+  CHECK(after.values()[199] == 2);
+  CHECK(after.size() == 200);
+  CHECK(before.size() == 0);
+  before.start(executor, values.data(), 300);
+  CHECK(before.values()[299] == 2);
 }
 
 TEST_CASE("The workspace grows to the largest request, from memory that a user may bring") {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <type_traits>
 #include <utility>
@@ -75,6 +76,7 @@ class Buffer<T, Cuda> {
     size_ = size;
   }
   void fill(const Executor<Cuda>& executor, T value) {
+    LANGGS_EXPECTS(size_ <= INT32_MAX, "a buffer of ", size_, " elements is filled; at most 2^31 - 1 can be");
     for_each_n(executor, static_cast<int>(size_), detail::FillElements<T>{data_, value});
   }
 

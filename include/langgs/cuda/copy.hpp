@@ -32,6 +32,21 @@ class Readback;
 template <class T>
 class Readback<T, Cuda> {
  public:
+  Readback() = default;
+  Readback(Readback&& other) noexcept { swap(other); }
+  Readback& operator=(Readback&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~Readback() {
+    if (executor_) (void)cudaStreamSynchronize(executor_->stream());  // a copy into the memory may be under way
+  }
+
+  void swap(Readback& other) noexcept {
+    executor_.swap(other.executor_);
+    values_.swap(other.values_);
+  }
+
   void start(const Executor<Cuda>& executor, const T* from, std::size_t n) {
     if (n > values_.size()) synchronize();  // a copy into the memory that is about to go may be under way
     if (n != values_.size()) values_.resize_discard(n);
