@@ -12,6 +12,7 @@
 #include "cuda/counted_memory.hpp"
 #include "cuda/device_array.hpp"
 #include "cuda/host_render.hpp"
+#include "langgs/cuda/graph.hpp"
 #include "langgs/device/copy.hpp"
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
@@ -210,6 +211,41 @@ TEST_CASE("Once the views are known, a step takes no device memory and the same 
   CHECK(step() == once);
   CHECK(gradient.pose() == pose);
   CHECK(bench.memory->allocations == allocations);
+}
+
+TEST_CASE("What follows a render can be captured in a graph: nothing of it waits") {
+  Bench bench;
+  const std::size_t n = bench.num_pixels();
+  const HostRender& host = bench.host;
+  const int width = host.view.camera.width, height = host.view.camera.height;
+  GeometricLoss<Cuda> loss;
+  MapGradient<Cuda> gradient;
+  FloatBuffer up(bench.executor, 4 * n), first(bench.executor, host.map.size()),
+      second(bench.executor, host.map.size());
+  const AdamPlanes adam{bench.map(), {first.data(), host.size, host.size}, {second.data(), host.size, host.size}};
+  bench.rasterizer.render(bench.executor, bench.map(), host.view);
+  const auto learn = [&] {
+    first.fill(bench.executor, 0.f);
+    second.fill(bench.executor, 0.f);
+    const RenderPlanes rendered = bench.rasterizer.rendered();
+    loss.start(bench.executor, {rendered.colour, rendered.depth, width, height},
+               {bench.target.data(), bench.target.data() + 3 * n, width, height}, {up.data(), up.data() + 3 * n});
+    bench.rasterizer.backward(bench.executor, bench.map(), host.view, {up.data(), up.data() + 3 * n}, gradient);
+    SelectiveAdam<Cuda>().step(bench.executor, adam, gradient);
+  };
+  learn();
+  const std::vector<float> expected = bench.fetch(bench.map_memory.data(), host.map.size());
+  const Twist pose = gradient.pose();
+  const double total = loss.terms().total;
+
+  const gpu::Graph graph(bench.executor, learn);
+  bench.upload(host.map, bench.map_memory);
+  std::vector<float> nothing(4 * n, 0.f);
+  bench.upload(nothing, up);
+  graph.launch(bench.executor);
+  CHECK(bench.fetch(bench.map_memory.data(), host.map.size()) == expected);
+  CHECK(gradient.pose() == pose);
+  CHECK(loss.terms().total == total);
 }
 
 TEST_CASE("A launch that cannot work names the kernel and its shape") {
