@@ -18,6 +18,6 @@ configure_package_config_file("${PROJECT_SOURCE_DIR}/cmake/langgsConfig.cmake.in
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/langgsConfigVersion.cmake" COMPATIBILITY SameMinorVersion
                                  ARCH_INDEPENDENT)
 install(FILES "${PROJECT_BINARY_DIR}/langgsConfig.cmake" "${PROJECT_BINARY_DIR}/langgsConfigVersion.cmake"
-              "${PROJECT_SOURCE_DIR}/cmake/langgsThrust.cmake"
+              "${PROJECT_SOURCE_DIR}/cmake/langgsThrust.cmake" "${PROJECT_SOURCE_DIR}/cmake/langgsCuda.cmake"
         DESTINATION "${langgs_package_dir}")
 install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")

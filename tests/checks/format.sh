@@ -13,8 +13,8 @@ done
 mode='--dry-run --Werror'
 [ "${1:-}" = --fix ] && mode=-i
 if git rev-parse --is-inside-work-tree >/dev/null 2>&1; then
-  git ls-files '*.hpp' '*.cpp' '*.cu' '*.cuh'
+  git ls-files '*.hpp' '*.cpp' '*.cu' '*.cuh' '*.inc'
 else
-  find include tests examples benchmarks \( -name '*.hpp' -o -name '*.cpp' -o -name '*.cu' -o -name '*.cuh' \)
+  find include tests examples benchmarks \( -name '*.hpp' -o -name '*.cpp' -o -name '*.cu' -o -name '*.cuh' -o -name '*.inc' \)
 fi | while read -r file; do [ -f "$file" ] && echo "$file"; done | xargs "$tool" $mode
 echo "format: ok"

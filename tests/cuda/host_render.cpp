@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/host_render.hpp"
 
+#include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 #include "render/render_scene.hpp"
@@ -30,16 +31,6 @@ HostRender render_on_host(int width, int height, int num_gaussians, std::uint64_
   host.map = dense(map.geometry());
   host.size = map.size();
 
-  // 32 more than [kNumProjected, size]: a load of 32 lanes may begin at the last element
-  std::vector<float> padded(host.map);
-  padded.resize(padded.size() + 32);
-  host.projected.resize(static_cast<std::size_t>(kNumProjected) * host.size);
-  host.visible.resize(host.size);
-  for_each_lanes(
-      executor, host.size,
-      ProjectGaussians{
-          {padded.data(), host.size, host.size}, host.view, host.projected.data(), host.size, host.visible.data()});
-
   TopKRasterizer<kTestK> rasterizer;
   rasterizer.render(executor, map.geometry(), host.view);
   const SplatList<Host>& splats = rasterizer.splats();
@@ -62,11 +53,20 @@ HostRender render_on_host(int width, int height, int num_gaussians, std::uint64_
   launch(executor, host.grid.count(),
          detail::RecordHits{host.grid, instances, nullptr, host.num_hits.data(), nullptr, nullptr});
 
-  host.upstream.resize(static_cast<std::size_t>(4) * n);
-  for (int i = 0; i < 4 * n; ++i) host.upstream[i] = static_cast<float>(CounterRng{seed, 99}.normal(i));
+  Buffer<float, Host> target(4 * n), upstream(4 * n);
+  for (int i = 0; i < 4 * n; ++i) target.data()[i] = static_cast<float>(0.2 + CounterRng{seed, 99}.uniform(i));
+  for (int i = 3 * n; i < 4 * n; i += 7) target.data()[i] = 0.f;
+  GeometricLoss<Host> loss;
+  host.total =
+      loss.evaluate(executor, {rasterizer.rendered().colour, rasterizer.rendered().depth, width, height},
+                    {target.data(), target.data() + 3 * n, width, height}, {upstream.data(), upstream.data() + 3 * n});
+  host.l1 = loss.terms().l1;
+  host.dssim = loss.terms().dssim;
+  host.depth = loss.terms().depth;
+  host.target = copy(target.data(), 4 * n);
+  host.upstream = copy(upstream.data(), 4 * n);
   MapGradient<Host> gradient;
-  rasterizer.backward(executor, map.geometry(), host.view, {host.upstream.data(), host.upstream.data() + 3 * n},
-                      gradient);
+  rasterizer.backward(executor, map.geometry(), host.view, {upstream.data(), upstream.data() + 3 * n}, gradient);
   host.gradient = dense(gradient.planes());
   host.pose = copy(gradient.pose().data(), 6);
   return host;

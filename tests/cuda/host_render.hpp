@@ -9,14 +9,14 @@
 #include "langgs/render/tile_forward.hpp"
 #include "langgs/render/view.hpp"
 
-/// @file A scene, what the host makes of it, and everything that a CUDA kernel needs to do the same. host_render.cpp is
-/// compiled by the host's compiler, the tests by nvcc; only values cross.
+/// @file A scene, and what the host's owners make of it. host_render.cpp is compiled by the host's compiler, the tests
+/// by nvcc; only values cross.
 
 namespace langgs::test {
 
 inline constexpr int kTestK = 3;
 
-/// Arrays as the kernels lay them out; V splats, I instances, n pixels.
+/// V splats, n pixels. Everything that Buffers hold there, here in vectors.
 struct HostRender {
   explicit HostRender(const View& view_) : view(view_) {}
 
@@ -29,9 +29,6 @@ struct HostRender {
   std::vector<Instance> slot;
   std::vector<Splat> splats;
 
-  std::vector<float> projected;  ///< [kNumProjected, size]
-  std::vector<std::int32_t> visible;
-
   std::vector<float> planes;          ///< colour, depth, transmittance [5, n]
   std::vector<std::int32_t> topk_id;  ///< [K, n]
   std::vector<float> topk_weight;     ///< [K, n]
@@ -39,7 +36,9 @@ struct HostRender {
   std::vector<float> max_weight;       ///< [V], as topk_count
   std::vector<std::int32_t> num_hits;  ///< [n] splats that each ray meets
 
+  std::vector<float> target;    ///< colour and depth [4, n], some of it not measured
   std::vector<float> upstream;  ///< dL/dC and dL/dD [4, n]
+  double l1 = 0, dssim = 0, depth = 0, total = 0;
   std::vector<float> gradient;  ///< [14, V]
   std::vector<double> pose;     ///< [6]
 };

@@ -184,7 +184,7 @@ void check_geometry(const RenderScene& scene, int columns, int rows, const std::
   MapGradient<Host> gradient;
   s.rasterizer.backward(executor, s.map.geometry(), scene.view(), {zero.data(), zero.data()}, gradient,
                         on_weights.view());
-  const test::KernelGradient kernel(gradient, scene.gaussians.size());
+  const test::KernelGradient kernel(Executor<Host>(1), gradient, scene.gaussians.size());
   test::check_gradients(kernel, loss, name, 1e-4, kRed);
 }
 

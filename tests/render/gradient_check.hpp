@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "langgs/device/copy.hpp"
 #include "langgs/render/map_gradient.hpp"
 #include "reference/central_difference.hpp"
 #include "render/render_scene.hpp"
@@ -75,11 +76,15 @@ class OracleLoss {
 
 struct KernelGradient {
   template <class Backend>
-  KernelGradient(const MapGradient<Backend>& gradient, std::size_t num_gaussians)
+  KernelGradient(const Executor<Backend>& executor, const MapGradient<Backend>& gradient, std::size_t num_gaussians)
       : gaussians(num_gaussians), pose(gradient.pose()) {
-    for (int c = 0; c < gradient.size(); ++c)
-      for (int p = 0; p < kNumPlanes; ++p)
-        gaussians[gradient.gaussian()[c]][p] = static_cast<double>(gradient.planes().plane(p)[c]);
+    std::vector<std::int32_t> gaussian(gradient.size());
+    std::vector<float> plane(gradient.size());
+    copy_to_host(executor, gradient.gaussian(), gaussian.size(), gaussian.data());
+    for (int p = 0; p < kNumPlanes; ++p) {
+      copy_to_host(executor, gradient.planes().plane(p), plane.size(), plane.data());
+      for (std::size_t c = 0; c < plane.size(); ++c) gaussians[gaussian[c]][p] = static_cast<double>(plane[c]);
+    }
   }
   std::vector<std::array<double, kNumPlanes>> gaussians;  ///< zero for those that are not visible
   Twist pose;

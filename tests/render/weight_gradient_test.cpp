@@ -43,7 +43,7 @@ struct WeightedRender {
   template <class WeightGradient>
   [[nodiscard]] KernelGradient backward(const WeightGradient& weight_gradient) {
     rasterizer.backward(executor, map.geometry(), scene.view(), on_planes(), gradient, weight_gradient);
-    return {gradient, scene.gaussians.size()};
+    return {executor, gradient, scene.gaussians.size()};
   }
 
   const Executor<Backend>& executor;
@@ -148,7 +148,7 @@ TEST_CASE("no weight gradient is the default, and a gradient of zeros adds nothi
   for (std::size_t i = 0; i < r.upstream.size(); ++i)
     r.upstream[i] = static_cast<float>(CounterRng{33, 0}.normal(static_cast<std::uint64_t>(i)));
   r.rasterizer.backward(executor, r.map.geometry(), scene.view(), r.on_planes(), r.gradient);
-  const KernelGradient standard(r.gradient, scene.gaussians.size());
+  const KernelGradient standard(executor, r.gradient, scene.gaussians.size());
   const KernelGradient none = r.backward(NoWeightGradient{});
   CHECK(standard.gaussians == none.gaussians);
   CHECK(standard.pose == none.pose);

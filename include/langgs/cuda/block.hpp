@@ -11,7 +11,7 @@
 
 /// @file The CUDA twin of host/block.hpp, name for name. See device/block.hpp for the rules.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// kThreads threads that share memory and meet at `sync`.
 template <int kThreads_>
@@ -24,12 +24,12 @@ class Block {
 
   template <class T>
   using Varying = T;
-  using Mask = cuda::Mask;
-  using Warp = cuda::Warp;
+  using Mask = gpu::Mask;
+  using Warp = gpu::Warp;
   template <class T, int N>
-  using SharedArray = cuda::SharedArray<T, N>;
+  using SharedArray = gpu::SharedArray<T, N>;
   template <int K, int kOffers>
-  using KLargest = cuda::KLargest<K>;
+  using KLargest = gpu::KLargest<K>;
 
   /// One value for each thread that lives across phases: a register.
   template <class T>
@@ -157,4 +157,4 @@ class Block {
   }
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

@@ -8,7 +8,7 @@
 
 /// @file The CUDA twin of host/k_largest.hpp.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// For each thread the K largest of the values that its warp was offered, with their tags. In registers: an offer is
 /// inserted at once.
@@ -34,4 +34,4 @@ class KLargest {
   std::int32_t tag_[K];
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

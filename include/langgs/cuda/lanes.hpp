@@ -7,7 +7,7 @@
 
 /// @file The CUDA twin of host/lanes.hpp.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// The value of the one lane that a thread has.
 template <class T>
@@ -22,7 +22,7 @@ class Lanes {
  public:
   template <class T>
   using Varying = T;
-  using Mask = cuda::Mask;
+  using Mask = gpu::Mask;
 
   __device__ __forceinline__ explicit Lanes(int index) : index_(index) {}
   [[nodiscard]] __device__ __forceinline__ int first() const { return index_; }
@@ -77,4 +77,4 @@ class Lanes {
   int index_;
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

@@ -19,7 +19,7 @@ inline constexpr std::size_t kMaxSharedBytes = 48 * 1024;
 // One block a multiprocessor is asked for: left to guess, ptxas lowers the registers for occupancy until some spill.
 template <class Kernel>
 __global__ void __launch_bounds__(Kernel::kThreads, 1) run_blocks(const Kernel kernel) {
-  using Block = cuda::Block<Kernel::kThreads>;
+  using Block = gpu::Block<Kernel::kThreads>;
   using Shared = typename Kernel::template Shared<Block>;
   static_assert(sizeof(Shared) <= kMaxSharedBytes, "a kernel's Shared must fit 48 KiB; make its batches smaller");
   __shared__ Shared shared;
@@ -30,7 +30,7 @@ __global__ void __launch_bounds__(Kernel::kThreads, 1) run_blocks(const Kernel k
 template <class Body>
 __global__ void __launch_bounds__(kElementsPerBlock) run_lanes(const Body body, int n) {
   const int i = static_cast<int>(blockIdx.x * kElementsPerBlock + threadIdx.x);
-  if (i < n) body(cuda::Lanes(i));
+  if (i < n) body(gpu::Lanes(i));
 }
 
 template <class Body>
@@ -58,7 +58,9 @@ void launch_cuda(const Executor<Cuda>& executor, void (*function)(Arguments...),
   const cudaError_t status =
       cudaLaunchKernel(reinterpret_cast<const void*>(function), dim3(static_cast<unsigned>(num_blocks)),
                        dim3(static_cast<unsigned>(num_threads)), pointers, 0, executor.stream());
-  check_cuda(status, "launch of ", type_name<Kernel>(), " with ", num_blocks, " blocks of ", num_threads, " threads");
+  if (status != cudaSuccess)
+    check_cuda(status, "launch of ", type_name<Kernel>(), " with ", num_blocks, " blocks of ", num_threads, " threads");
+  executor.launched(&type_name<Kernel>, num_blocks, num_threads);
 }
 
 [[nodiscard]] inline int num_element_blocks(int n) {

@@ -7,7 +7,7 @@
 
 /// @file The CUDA twin of host/shared_array.hpp.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 /// Shared memory of a block; lives in the kernel's `Shared` struct and is not initialised.
 template <class T, int N>
@@ -32,4 +32,4 @@ class SharedArray {
   alignas(16) T values_[N];
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

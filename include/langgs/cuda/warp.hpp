@@ -10,7 +10,7 @@
 
 /// @file The CUDA twin of host/warp.hpp. A lane is a thread, so `Varying<T>` is a plain T and a mask is a bool.
 
-namespace langgs::cuda {
+namespace langgs::gpu {
 
 inline constexpr int kLanes = 32;
 inline constexpr unsigned kAllLanes = 0xFFFFFFFFu;
@@ -125,4 +125,4 @@ class Warp {
   int index_, lane_;
 };
 
-}  // namespace langgs::cuda
+}  // namespace langgs::gpu

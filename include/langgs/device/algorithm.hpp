@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-/// @file sort_by_key, exclusive_scan, select_flagged, group_by_key: Thrust and CUB behind one set of names.
-/// For CUDA they are not written yet: owners of buffers can be named there, and cannot be instantiated.
+/// @file sort_by_key, exclusive_scan, scan_in_order, select_flagged, group_by_key, sum_rows: Thrust and CUB behind one
+/// set of names. Results in integers are the same on every backend.
 
-#if !defined(__CUDACC__)
+#if defined(__CUDACC__)
+#include "langgs/cuda/algorithm.hpp"
+#else
 #include "langgs/host/algorithm.hpp"
 #endif

@@ -37,7 +37,7 @@
 namespace langgs {
 
 #if defined(__CUDACC__)
-using cuda::WarpRange;
+using gpu::WarpRange;
 #else
 using host::WarpRange;
 template <class T>

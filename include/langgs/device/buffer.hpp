@@ -10,6 +10,10 @@
 #include "langgs/core/error.hpp"
 #include "langgs/host/backend.hpp"
 
+#if defined(__CUDACC__)
+#include "langgs/cuda/buffer.hpp"
+#endif
+
 namespace langgs {
 
 /// What to allocate for `size` elements that are kept: an eighth more. A map is the largest thing there is, and grows
@@ -17,6 +21,7 @@ namespace langgs {
 [[nodiscard]] constexpr std::size_t grown_capacity(std::size_t size) { return size + size / 8; }
 
 /// A move-only array in a backend's memory. Contents are not initialised: say `fill` where zeros matter.
+/// Code for any backend passes the executor whose work is going to use the memory; the host needs none.
 template <class T, class Backend>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>, "a Buffer holds values that can be copied as bytes");
@@ -25,6 +30,7 @@ class Buffer {
  public:
   Buffer() = default;
   explicit Buffer(std::size_t size) { resize_discard(size); }
+  Buffer(const Executor<Backend>&, std::size_t size) { resize_discard(size); }
   Buffer(Buffer&& other) noexcept
       : data_(std::exchange(other.data_, nullptr)),
         size_(std::exchange(other.size_, 0)),
@@ -52,17 +58,19 @@ class Buffer {
     }
     size_ = size;
   }
+  void resize_discard(const Executor<Backend>&, std::size_t size) { resize_discard(size); }
   /// Changes the size and keeps the first min(old, new) elements.
   void resize_keep(std::size_t size) {
     if (size > capacity_) {
-      Buffer grown;
-      grown.resize_discard(grown_capacity(size));
+      Buffer grown(grown_capacity(size));
       if (size_ > 0) std::memcpy(grown.data_, data_, size_ * sizeof(T));
       swap(grown);
     }
     size_ = size;
   }
+  void resize_keep(const Executor<Backend>&, std::size_t size) { resize_keep(size); }
   void fill(T value) { std::fill(data_, data_ + size_, value); }
+  void fill(const Executor<Backend>&, T value) { fill(value); }
 
   [[nodiscard]] T* data() { return data_; }
   [[nodiscard]] const T* data() const { return data_; }

@@ -11,10 +11,18 @@ struct KeyValue {
   std::int32_t value;
 };
 
-/// What `sort_by_key` needs besides its arguments; kept by the caller so that no memory is allocated per call.
+/// What sorting and grouping on the host need besides their arguments; kept by the caller so that no memory is
+/// allocated per call. Where an executor has a workspace of its own, this is empty.
+template <class Backend>
 struct SortScratch {
   std::vector<KeyValue> pairs;
   std::vector<std::int32_t> offsets, counts;
+};
+
+/// The arguments of one `exclusive_scans`.
+struct CountsAndOffsets {
+  const std::int32_t* counts;  ///< [n]
+  std::int32_t* offsets;       ///< [n + 1]
 };
 
 }  // namespace langgs

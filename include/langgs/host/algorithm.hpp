@@ -9,6 +9,7 @@
 #include <thrust/system/cpp/execution_policy.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -17,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "langgs/device/buffer.hpp"
 #include "langgs/device/key_value.hpp"
 #include "langgs/host/backend.hpp"
 #include "langgs/host/launch.hpp"
@@ -24,9 +26,6 @@
 namespace langgs {
 
 namespace detail {
-
-template <class Backend>
-concept HostBackend = std::is_same_v<Backend, Host> || std::is_same_v<Backend, CheckedHost>;
 
 /// A range cut into chunks that are worked on in parallel: always as many, whatever the number of threads.
 class Chunks {
@@ -74,9 +73,8 @@ int scan_counts(const Executor<Backend>& executor, int n, const CountOf& count_o
 /// has the places offsets[k] .. offsets[k + 1].
 template <class Backend, class KeyOf, class Put>
 void group(const Executor<Backend>& executor, int n, int num_keys, const KeyOf& key_of, const Put& put,
-           std::vector<std::int32_t>& offsets, std::vector<std::int32_t>& scratch) {
+           std::int32_t* offsets, std::vector<std::int32_t>& scratch) {
   const Chunks chunks(n);
-  offsets.resize(static_cast<std::size_t>(num_keys) + 1);
   scratch.resize(static_cast<std::size_t>(Chunks::kNumber) * num_keys);
   const auto row = [&](int c) { return scratch.data() + static_cast<std::size_t>(c) * num_keys; };
   executor.pool().run(Chunks::kNumber, [&](int c) {
@@ -123,7 +121,7 @@ class PieceAllocator {
 /// several threads sort ranges of keys, which a counting sort has brought together.
 template <detail::HostBackend Backend>
 void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::int32_t* values, int n,
-                 SortScratch& scratch) {
+                 SortScratch<Backend>& scratch) {
   constexpr int kRangeBits = 8, kWorthRanges = 4096;
   scratch.pairs.resize(static_cast<std::size_t>(n));
   // Thrust asks for as many keys and values as it sorts.
@@ -141,13 +139,15 @@ void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::in
   }
   const std::uint32_t span = last - first;
   const int shift = std::max(0, 32 - kRangeBits - std::countl_zero(span));  // at most 2^kRangeBits ranges
+  const int num_ranges = static_cast<int>(span >> shift) + 1;
+  scratch.offsets.resize(static_cast<std::size_t>(num_ranges) + 1);
   detail::group(
-      executor, n, static_cast<int>(span >> shift) + 1, [&](int i) { return (keys[i] - first) >> shift; },
+      executor, n, num_ranges, [&](int i) { return (keys[i] - first) >> shift; },
       [&](int place, int i) {
         scratch.pairs[place] = {keys[i], values[i]};
       },
-      scratch.offsets, scratch.counts);
-  executor.pool().run(static_cast<int>(scratch.offsets.size()) - 1, [&](int range) {
+      scratch.offsets.data(), scratch.counts);
+  executor.pool().run(num_ranges, [&](int range) {
     const int begin = scratch.offsets[range], end = scratch.offsets[range + 1];
     for (int i = begin; i < end; ++i) {
       keys[i] = scratch.pairs[i].key;
@@ -162,6 +162,14 @@ template <detail::HostBackend Backend>
 int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts, std::int32_t* offsets, int n) {
   return offsets[n] = detail::scan_counts(
              executor, n, [&](int i) { return counts[i]; }, [&](int i, std::int32_t sum) { offsets[i] = sum; });
+}
+
+/// Several of them over the same n, with one wait for all totals where there is a device to wait for.
+template <detail::HostBackend Backend, std::size_t N>
+std::array<int, N> exclusive_scans(const Executor<Backend>& executor, const CountsAndOffsets (&scans)[N], int n) {
+  std::array<int, N> totals;
+  for (std::size_t s = 0; s < N; ++s) totals[s] = exclusive_scan(executor, scans[s].counts, scans[s].offsets, n);
+  return totals;
 }
 
 /// offsets[which[i]] = sum of the sizes of the groups which[j] over j < i, for i in [0, n): the place of each group
@@ -188,8 +196,8 @@ int select_flagged(const Executor<Backend>&, const std::int32_t* flags, std::int
   return count;
 }
 
-/// sums[r] = the sum of the n values at rows + r * stride, for r in [0, num_rows). The order of the additions depends
-/// on n alone.
+/// sums[r] = the sum of the n values at rows + r * stride, for r in [0, num_rows), in the backend's memory. The order
+/// of the additions depends on n alone.
 template <detail::HostBackend Backend>
 void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, int n, int num_rows,
               double* sums) {
@@ -210,19 +218,21 @@ void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff
 /// `scratch` is kept by the caller so that no memory is allocated per call.
 template <class T, detail::HostBackend Backend>
 void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, int n, T* grouped,
-                  std::vector<std::int32_t>& offsets, int num_keys, std::vector<std::int32_t>& scratch) {
+                  Buffer<std::int32_t, Backend>& offsets, int num_keys, SortScratch<Backend>& scratch) {
+  offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   detail::group(
       executor, n, num_keys, [&](int i) { return keys[i]; }, [&](int place, int i) { grouped[place] = values[i]; },
-      offsets, scratch);
+      offsets.data(), scratch.counts);
 }
 
-/// The same for keys with their values next to them.
+/// The same for keys with their values next to them, which may be overwritten.
 template <detail::HostBackend Backend>
-void group_by_key(const Executor<Backend>& executor, const KeyValue* pairs, int n, std::int32_t* grouped,
-                  std::vector<std::int32_t>& offsets, int num_keys, std::vector<std::int32_t>& scratch) {
+void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, int n, std::int32_t* grouped,
+                  Buffer<std::int32_t, Backend>& offsets, int num_keys, SortScratch<Backend>& scratch) {
+  offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   detail::group(
       executor, n, num_keys, [&](int i) { return pairs[i].key; },
-      [&](int place, int i) { grouped[place] = pairs[i].value; }, offsets, scratch);
+      [&](int place, int i) { grouped[place] = pairs[i].value; }, offsets.data(), scratch.counts);
 }
 
 }  // namespace langgs

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <new>
+#include <type_traits>
 
 #include "langgs/core/error.hpp"
 #include "langgs/host/worker_pool.hpp"
@@ -30,11 +31,16 @@ class Executor;
 
 namespace detail {
 
+template <class Backend>
+concept HostBackend = std::is_same_v<Backend, Host> || std::is_same_v<Backend, CheckedHost>;
+
 class HostExecutor {
  public:
   explicit HostExecutor(int num_threads = 1) : pool_(std::make_unique<WorkerPool>(num_threads)) {}
   [[nodiscard]] WorkerPool& pool() const { return *pool_; }
   [[nodiscard]] int num_threads() const { return pool_->num_threads(); }
+  /// For code that runs on any backend: here a launch returns when its kernel has run.
+  void synchronize() const {}
 
  private:
   std::unique_ptr<WorkerPool> pool_;

@@ -77,6 +77,11 @@ struct AdamUpdate {
 
 }  // namespace detail
 
+/// What SelectiveAdam works on: [14, N] each.
+struct AdamPlanes {
+  PlanesView parameters, first_moment, second_moment;
+};
+
 /// Adam on the geometry of the Gaussians that a view has seen; the others keep their values and moments.
 template <class Backend>
 class SelectiveAdam {
@@ -85,9 +90,13 @@ class SelectiveAdam {
 
   template <class Map>
   void step(const Executor<Backend>& executor, Map& map, const MapGradient<Backend>& gradient) const {
-    detail::AdamUpdate update{map.geometry(),
-                              map.first_moment.view(),
-                              map.second_moment.view(),
+    step(executor, {map.geometry(), map.first_moment.view(), map.second_moment.view()}, gradient);
+  }
+
+  void step(const Executor<Backend>& executor, const AdamPlanes& planes, const MapGradient<Backend>& gradient) const {
+    detail::AdamUpdate update{planes.parameters,
+                              planes.first_moment,
+                              planes.second_moment,
                               gradient.planes(),
                               gradient.gaussian(),
                               {rates_.beta1, rates_.beta2, rates_.epsilon},

@@ -68,6 +68,7 @@ struct ColourKernel {
       ssim.store(warp, V(0.f));
       l1.store(warp, V(0.f));
     });
+    for (auto* rows : {&shared.by_mean, &shared.by_uu, &shared.by_vv}) rows->clear_tail(block);
     for (int top = 0; top < strip.rows + 4 * kSsimRadius; top += kSsimStep) {
       block.warps([&](const auto& warp) { read<V>(warp, strip, top + warp.index(), shared); });
       block.sync();
@@ -228,25 +229,32 @@ class ColourLoss {
     double l1, dssim;  ///< mean |x - y| and 1 - mean SSIM
   };
 
-  /// Returns the terms before their weights; writes the gradient by `rendered` to `gradient` [planes, height, width].
-  Terms evaluate(const Executor<Backend>& executor, const MaskedImages& images, float ssim_weight, float* gradient) {
+  /// Writes the gradient by `rendered` to `gradient` [planes, height, width]; `terms` are known later.
+  void start(const Executor<Backend>& executor, const MaskedImages& images, float ssim_weight, float* gradient) {
     validate(images);
-    const double count = static_cast<double>(images.num_pixels()) * images.planes;
-    const auto ssim_scale = static_cast<float>(-2 * ssim_weight / count);
-    const auto l1_scale = static_cast<float>((1 - static_cast<double>(ssim_weight)) / count);
+    count_ = static_cast<double>(images.num_pixels()) * images.planes;
+    const auto ssim_scale = static_cast<float>(-2 * ssim_weight / count_);
+    const auto l1_scale = static_cast<float>((1 - static_cast<double>(ssim_weight)) / count_);
     const int num_blocks = detail::ColourStrip::count(images) * images.planes;
-    sums_.resize_discard(2 * static_cast<std::size_t>(num_blocks));
+    sums_.resize_discard(executor, 2 * static_cast<std::size_t>(num_blocks));
     launch(executor, num_blocks, detail::ColourKernel{images, ssim_scale, l1_scale, gradient, sums_.data()});
+    read_sums_.start(executor, sums_.data(), sums_.size());
+  }
+  /// The terms of the last `start`, before their weights; waits for them.
+  [[nodiscard]] Terms terms() const {
+    const float* const sums = read_sums_.values();
     double ssim = 0, l1 = 0;
-    for (int i = 0; i < num_blocks; ++i) {
-      ssim += static_cast<double>(sums_.data()[2 * i]);
-      l1 += static_cast<double>(sums_.data()[2 * i + 1]);
+    for (std::size_t i = 0; i < read_sums_.size(); i += 2) {
+      ssim += static_cast<double>(sums[i]);
+      l1 += static_cast<double>(sums[i + 1]);
     }
-    return {l1 / count, 1 - ssim / count};
+    return {l1 / count_, 1 - ssim / count_};
   }
 
  private:
+  double count_ = 0;
   Buffer<float, Backend> sums_;
+  Readback<float, Backend> read_sums_;
 };
 
 }  // namespace langgs

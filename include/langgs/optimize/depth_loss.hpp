@@ -49,20 +49,30 @@ template <class Backend = Host>
 class DepthLoss {
  public:
   /// `images` are [1, height, width] in metres; its mask is the target itself, whatever `images.depth` says.
-  /// Returns the loss [m]; writes weight * d loss / d rendered to `gradient` [height, width].
-  double evaluate(const Executor<Backend>& executor, const MaskedImages& images, float weight, float* gradient) {
+  /// Writes weight * d loss / d rendered to `gradient` [height, width]; the `value` is known later.
+  void start(const Executor<Backend>& executor, const MaskedImages& images, float weight, float* gradient) {
     validate(images);
     LANGGS_EXPECTS(images.planes == 1, "depth images have ", images.planes, " planes; they must have 1");
-    const int n = images.num_pixels();
-    const int num_blocks = (n + detail::DepthL1::kPixels - 1) / detail::DepthL1::kPixels;
-    sums_.resize_discard(num_blocks);
+    num_pixels_ = images.num_pixels();
+    const int num_blocks = (num_pixels_ + detail::DepthL1::kPixels - 1) / detail::DepthL1::kPixels;
+    sums_.resize_discard(executor, num_blocks);
     launch(executor, num_blocks,
-           detail::DepthL1{images.rendered, images.target, n, weight / static_cast<float>(n), gradient, sums_.data()});
-    return detail::total(sums_, num_blocks) / n;
+           detail::DepthL1{images.rendered, images.target, num_pixels_, weight / static_cast<float>(num_pixels_),
+                           gradient, sums_.data()});
+    read_sums_.start(executor, sums_.data(), num_blocks);
+  }
+  /// The loss of the last `start` [m]; waits for it.
+  [[nodiscard]] double value() const {
+    const float* const sums = read_sums_.values();
+    double sum = 0;
+    for (std::size_t i = 0; i < read_sums_.size(); ++i) sum += static_cast<double>(sums[i]);
+    return sum / num_pixels_;
   }
 
  private:
+  int num_pixels_ = 0;
   Buffer<float, Backend> sums_;
+  Readback<float, Backend> read_sums_;
 };
 
 }  // namespace langgs

@@ -126,7 +126,7 @@ struct FeatureAdam {
             Scratch<FeatDim, Backend>& scratch) const {
     using Signs = detail::FeatureSigns<FeatDim>;
     using Update = detail::AdamFeatureUpdate<FeatDim, typename Storage::Scalar>;
-    scratch.signs.resize_discard(static_cast<std::size_t>(contributions.num_pixels()) * Signs::kWords);
+    scratch.signs.resize_discard(executor, static_cast<std::size_t>(contributions.num_pixels()) * Signs::kWords);
     stream_features<FeatDim>(executor, contributions, map.features().data(),
                              Signs{teacher.pixel(0, 0), scratch.signs.data()});
     const float scale = 1.f / (static_cast<float>(contributions.num_pixels()) * FeatDim);

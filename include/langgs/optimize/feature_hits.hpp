@@ -3,10 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_channels.hpp"
@@ -56,31 +56,31 @@ template <class Backend>
 class FeatureHits {
  public:
   void build(const Executor<Backend>& executor, const ContributionView& contributions, int num_gaussians) {
-    hits_.resize_discard(contributions.size);
+    hits_.resize_discard(executor, contributions.size);
     group_by_key(executor, reinterpret_cast<const std::uint32_t*>(contributions.gaussian), contributions.contribution,
                  contributions.size, hits_.data(), begin_, num_gaussians, scratch_);
-    for (auto* buffer : {&all_, &touched_}) buffer->resize_discard(num_gaussians);
-    patch_.resize_discard(num_gaussians);
+    for (auto* buffer : {&all_, &touched_}) buffer->resize_discard(executor, num_gaussians);
+    patch_.resize_discard(executor, num_gaussians);
     const FeaturePatches patches{contributions.width, contributions.height};
     for_each_n(executor, num_gaussians,
                detail::FirstPatch{patches, begin_.data(), hits_.data(), patch_.data(), all_.data()});
     group_by_key(executor, patch_.data(), all_.data(), num_gaussians, touched_.data(), patch_begin_,
                  patches.count() + 1, scratch_);
-    num_touched_ = patch_begin_[patches.count()];
+    copy_to_host(executor, patch_begin_.data() + patches.count(), 1, &num_touched_);
   }
 
   [[nodiscard]] FeatureHitsView view() const { return {num_touched_, touched_.data(), hits_.data()}; }
   [[nodiscard]] std::size_t bytes() const {
-    return hits_.bytes() + all_.bytes() + touched_.bytes() + patch_.bytes() +
-           (begin_.capacity() + patch_begin_.capacity() + scratch_.capacity()) * sizeof(std::int32_t);
+    return hits_.bytes() + all_.bytes() + touched_.bytes() + patch_.bytes() + begin_.bytes() + patch_begin_.bytes();
   }
 
  private:
-  int num_touched_ = 0;
+  std::int32_t num_touched_ = 0;
   Buffer<Contribution, Backend> hits_;
   Buffer<TouchedGaussian, Backend> all_, touched_;
   Buffer<std::uint32_t, Backend> patch_;
-  std::vector<std::int32_t> begin_, patch_begin_, scratch_;
+  Buffer<std::int32_t, Backend> begin_, patch_begin_;
+  SortScratch<Backend> scratch_;
 };
 
 }  // namespace langgs

@@ -134,8 +134,8 @@ class FeatureWeightGradient {
     LANGGS_EXPECTS(std::isfinite(weight), "the weight of the feature loss is ", weight);
     const int n = grid.width * grid.height;
     const std::size_t places = static_cast<std::size_t>(K) * grid.camera.num_pixels();
-    slope_.resize_discard(static_cast<std::size_t>(K) * n);
-    rows_.resize_discard(static_cast<std::size_t>(2) * n);
+    slope_.resize_discard(executor, static_cast<std::size_t>(K) * n);
+    rows_.resize_discard(executor, static_cast<std::size_t>(2) * n);
     launch(executor, (n + Slopes::kWarps - 1) / Slopes::kWarps,
            Slopes{grid, rasterizer.topk_id(), rasterizer.topk_weight(), features, teacher.pixel(0, 0), slope_.data(),
                   rows_.data(), rows_.data() + n});
@@ -143,8 +143,8 @@ class FeatureWeightGradient {
     sum_rows(executor, rows_.data(), n, n, 2, sums);
     const double values = sums[1] * FeatDim;
 
-    gradient_.resize_discard(places);
-    gradient_.fill(0.f);
+    gradient_.resize_discard(executor, places);
+    gradient_.fill(executor, 0.f);
     view_ = {rasterizer.topk_id(), rasterizer.topk_weight(), gradient_.data()};
     if (values == 0) return 0;
     const float scale = static_cast<float>(static_cast<double>(weight) / values);

@@ -51,13 +51,30 @@ class GeometricLoss {
   explicit GeometricLoss(GeometricLossWeights weights = {}) : weights_(weights) { validate(weights_); }
 
   [[nodiscard]] const GeometricLossWeights& weights() const { return weights_; }
-  /// Of the last evaluation.
-  [[nodiscard]] const GeometricLossTerms& terms() const { return terms_; }
+  /// Of the last evaluation; waits for it.
+  [[nodiscard]] GeometricLossTerms terms() const {
+    GeometricLossTerms terms;
+    if (!started_) return terms;
+    const auto colour_terms = colour_.terms();
+    terms.l1 = colour_terms.l1;
+    terms.dssim = colour_terms.dssim;
+    terms.depth = depth_.value();
+    terms.total = (1 - static_cast<double>(weights_.ssim)) * terms.l1 +
+                  static_cast<double>(weights_.ssim) * terms.dssim + static_cast<double>(weights_.depth) * terms.depth;
+    return terms;
+  }
 
-  /// Returns L_geo; overwrites `gradient` with its derivatives by rendered colour and depth. Same bits for any number
-  /// of threads. Throws InvalidArgument if sizes differ or an array is missing.
+  /// Returns L_geo, and waits for it; otherwise `start`.
   double evaluate(const Executor<Backend>& executor, const ImageView& rendered, const ImageView& target,
                   const ImageGradientView& gradient) {
+    start(executor, rendered, target, gradient);
+    return terms().total;
+  }
+
+  /// Overwrites `gradient` with the derivatives of L_geo by rendered colour and depth. Same bits for any number of
+  /// threads. Throws InvalidArgument if sizes differ or an array is missing.
+  void start(const Executor<Backend>& executor, const ImageView& rendered, const ImageView& target,
+             const ImageGradientView& gradient) {
     LANGGS_EXPECTS(rendered.width == target.width && rendered.height == target.height, "rendered image is ",
                    rendered.width, "x", rendered.height, ", the target ", target.width, "x", target.height,
                    "; render at the target's size");
@@ -66,21 +83,16 @@ class GeometricLoss {
     const MaskedImages colour{rendered.colour, target.colour, mask, rendered.width, rendered.height, 3};
     const MaskedImages depth{rendered.depth, target.depth, target.depth, rendered.width, rendered.height, 1};
     validate(depth);
-    const auto colour_terms = colour_.evaluate(executor, colour, weights_.ssim, gradient.colour);
-    terms_.l1 = colour_terms.l1;
-    terms_.dssim = colour_terms.dssim;
-    terms_.depth = depth_.evaluate(executor, depth, weights_.depth, gradient.depth);
-    terms_.total = (1 - static_cast<double>(weights_.ssim)) * terms_.l1 +
-                   static_cast<double>(weights_.ssim) * terms_.dssim +
-                   static_cast<double>(weights_.depth) * terms_.depth;
-    return terms_.total;
+    colour_.start(executor, colour, weights_.ssim, gradient.colour);
+    depth_.start(executor, depth, weights_.depth, gradient.depth);
+    started_ = true;
   }
 
  private:
   GeometricLossWeights weights_;
-  GeometricLossTerms terms_;
   ColourLoss<Backend> colour_;
   DepthLoss<Backend> depth_;
+  bool started_ = false;
 };
 
 }  // namespace langgs

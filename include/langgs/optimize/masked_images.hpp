@@ -4,6 +4,7 @@
 #include "langgs/core/config.hpp"
 #include "langgs/core/error.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
 
 namespace langgs {
@@ -60,14 +61,6 @@ struct BlockSum {
     });
   }
 };
-
-/// The sums of a launch's blocks, added in their order.
-template <class Backend>
-[[nodiscard]] double total(const Buffer<float, Backend>& sums, int num_blocks) {
-  double sum = 0;
-  for (int i = 0; i < num_blocks; ++i) sum += static_cast<double>(sums.data()[i]);
-  return sum;
-}
 
 }  // namespace detail
 }  // namespace langgs

@@ -35,8 +35,13 @@ using SsimTapIndices = std::make_integer_sequence<int, kSsimTaps>;
 /// The rows of one step, kPitch columns each. What lanes read past a row is never used.
 template <class Block, int kPitch>
 struct SsimRows {
-  typename Block::template SharedArray<float, kSsimStep * kPitch + 16> values;
+  static constexpr int kTail = 16;
+  typename Block::template SharedArray<float, kSsimStep * kPitch + kTail> values;
 
+  /// What lanes read past the last row is not used, but no memory checker knows.
+  LANGGS_INLINE void clear_tail(Block& block) {
+    block.threads(kTail, [&](auto thread) { values.set(kSsimStep * kPitch + thread.index, 0.f); });
+  }
   template <class Warp, class V>
   LANGGS_INLINE void store(const Warp& warp, int column, const V& v) {
     values.store(warp.index() * kPitch + column, v, warp);

@@ -173,10 +173,10 @@ class Contributions {
   void from_topk(const Executor<Backend>& executor, const TopKRasterizer<K, Backend>& rasterizer,
                  const SampleGrid& grid, const std::uint8_t* wanted = nullptr) {
     const std::ptrdiff_t plane = grid.camera.num_pixels();
-    resize_pixels(grid);
+    resize_pixels(executor, grid);
     const int pixels = grid.width * grid.height;
     for_each_n(executor, pixels, detail::CountTopK<K>{grid, plane, rasterizer.topk_id(), wanted, count_.data()});
-    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), pixels));
+    resize_hits(executor, exclusive_scan(executor, count_.data(), begin_.data(), pixels));
     for_each_n(executor, pixels,
                detail::FillTopK{grid, plane, rasterizer.topk_id(), rasterizer.topk_weight(), begin_.data(),
                                 gaussian_.data(), contribution_.data()});
@@ -187,35 +187,35 @@ class Contributions {
   void from_blending(const Executor<Backend>& executor, const SplatList<Backend>& splats, const SampleGrid& grid,
                      const std::uint8_t* wanted = nullptr) {
     const int all = grid.camera.num_pixels(), tiles = splats.grid().count(), pixels = grid.width * grid.height;
-    ray_count_.resize_discard(all);
-    ray_begin_.resize_discard(all + 1);
+    ray_count_.resize_discard(executor, all);
+    ray_begin_.resize_discard(executor, all + 1);
     launch(executor, tiles,
            detail::RecordHits{splats.grid(), splats.instances(), nullptr, ray_count_.data(), nullptr, nullptr});
     const int hits = exclusive_scan(executor, ray_count_.data(), ray_begin_.data(), all);
-    ray_gaussian_.resize_discard(hits);
-    ray_weight_.resize_discard(hits);
+    ray_gaussian_.resize_discard(executor, hits);
+    ray_weight_.resize_discard(executor, hits);
     launch(executor, tiles,
            detail::RecordHits{splats.grid(), splats.instances(), ray_begin_.data(), ray_count_.data(),
                               ray_gaussian_.data(), ray_weight_.data()});
-    resize_pixels(grid);
+    resize_pixels(executor, grid);
     for_each_n(executor, pixels, detail::CopyCounts{grid, ray_begin_.data(), wanted, count_.data()});
-    resize_hits(exclusive_scan(executor, count_.data(), begin_.data(), pixels));
+    resize_hits(executor, exclusive_scan(executor, count_.data(), begin_.data(), pixels));
     for_each_n(executor, pixels,
                detail::CopyHits{grid, ray_begin_.data(), ray_gaussian_.data(), begin_.data(), ray_weight_.data(),
                                 gaussian_.data(), contribution_.data()});
   }
 
  private:
-  void resize_pixels(const SampleGrid& grid) {
+  void resize_pixels(const Executor<Backend>& executor, const SampleGrid& grid) {
     width_ = grid.width;
     height_ = grid.height;
-    count_.resize_discard(static_cast<std::size_t>(width_) * height_);
-    begin_.resize_discard(static_cast<std::size_t>(width_) * height_ + 1);
+    count_.resize_discard(executor, static_cast<std::size_t>(width_) * height_);
+    begin_.resize_discard(executor, static_cast<std::size_t>(width_) * height_ + 1);
   }
-  void resize_hits(int size) {
+  void resize_hits(const Executor<Backend>& executor, int size) {
     size_ = size;
-    gaussian_.resize_discard(size);
-    contribution_.resize_discard(size);
+    gaussian_.resize_discard(executor, size);
+    contribution_.resize_discard(executor, size);
   }
 
   int width_ = 0, height_ = 0, size_ = 0;

@@ -6,6 +6,7 @@
 #include "langgs/core/pose.hpp"
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/map/planes.hpp"
 #include "langgs/render/projection_backward.hpp"
@@ -54,26 +55,32 @@ class MapGradient {
   /// [V] the Gaussian of each column, ascending. The rasteriser's memory: valid until its next render.
   [[nodiscard]] const std::int32_t* gaussian() const { return gaussian_; }
   [[nodiscard]] int size() const { return num_gaussians_; }
-  /// dL/dtau for T_camera_world <- Exp(tau) T_camera_world, translation first.
-  [[nodiscard]] const Twist& pose() const { return pose_; }
+  /// dL/dtau for T_camera_world <- Exp(tau) T_camera_world, translation first. Waits for the backend to have it.
+  [[nodiscard]] Twist pose() const {
+    if (pose_.size() == 0) return Twist::Zero();
+    return Eigen::Map<const Twist>(pose_.values());
+  }
 
   void from_slot_sums(const Executor<Backend>& executor, const PlanesView& map, const View& view,
                       const SplatList<Backend>& splats, const float* slot_sums) {
     num_gaussians_ = splats.num_splats();
     gaussian_ = splats.gaussian();
     stride_ = (num_gaussians_ / 32 + 1) * 32;
-    planes_.resize_discard(static_cast<std::size_t>(stride_) * kNumPlanes);
-    pose_rows_.resize_discard(static_cast<std::size_t>(stride_) * 6);
+    planes_.resize_discard(executor, static_cast<std::size_t>(stride_) * kNumPlanes);
+    pose_rows_.resize_discard(executor, static_cast<std::size_t>(stride_) * 6);
+    pose_sums_.resize_discard(executor, 6);
     for_each_lanes(executor, num_gaussians_,
                    GatherGradient{map, view, gaussian_, splats.slot_begin(), slot_sums, planes(), pose_rows_.data()});
-    sum_rows(executor, pose_rows_.data(), stride_, num_gaussians_, 6, pose_.data());
+    sum_rows(executor, pose_rows_.data(), stride_, num_gaussians_, 6, pose_sums_.data());
+    pose_.start(executor, pose_sums_.data(), 6);
   }
 
  private:
   int num_gaussians_ = 0, stride_ = 0;
   const std::int32_t* gaussian_ = nullptr;
   Buffer<float, Backend> planes_, pose_rows_;
-  Twist pose_ = Twist::Zero();
+  Buffer<double, Backend> pose_sums_;
+  Readback<double, Backend> pose_;
 };
 
 }  // namespace langgs

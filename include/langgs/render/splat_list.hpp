@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <cstring>
-#include <vector>
 
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
@@ -181,6 +180,13 @@ struct EmitInstances {
   }
 };
 
+/// Writes what follows the last slot.
+struct EndSlots {
+  std::int32_t* end;
+  std::int32_t num_instances;
+  LANGGS_HD void operator()(int) const { *end = num_instances; }
+};
+
 /// The visible Gaussians of a view as splats, and the tiles that each of them touches, sorted by depth in each tile.
 /// Owns its buffers and reuses them from view to view.
 template <class Backend>
@@ -206,29 +212,31 @@ class SplatList {
  private:
   void project(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
     const int n = map.size;
-    projected_.resize_discard(static_cast<std::size_t>(kNumProjected) * map.stride);
-    for (auto* buffer : {&visible_, &num_tiles_}) buffer->resize_discard(n);
-    for (auto* buffer : {&splat_of_, &slot_of_}) buffer->resize_discard(n + 1);
+    projected_.resize_discard(executor, static_cast<std::size_t>(kNumProjected) * map.stride);
+    for (auto* buffer : {&visible_, &num_tiles_}) buffer->resize_discard(executor, n);
+    for (auto* buffer : {&splat_of_, &slot_of_}) buffer->resize_discard(executor, n + 1);
     for_each_lanes(executor, n, ProjectGaussians{map, view, projected_.data(), map.stride, visible_.data()});
     for_each_lanes(executor, n, CountTiles{grid_, projected_.data(), map.stride, visible_.data(), num_tiles_.data()});
-    num_splats_ = exclusive_scan(executor, visible_.data(), splat_of_.data(), n);
-    num_instances_ = exclusive_scan(executor, num_tiles_.data(), slot_of_.data(), n);
-    for (auto* buffer : {&gaussian_, &order_, &emit_begin_}) buffer->resize_discard(num_splats_);
-    splats_.resize_discard(num_splats_);
-    depth_key_.resize_discard(num_splats_);
-    slot_begin_.resize_discard(num_splats_ + 1);
+    const auto totals =
+        exclusive_scans(executor, {{visible_.data(), splat_of_.data()}, {num_tiles_.data(), slot_of_.data()}}, n);
+    num_splats_ = totals[0];
+    num_instances_ = totals[1];
+    for (auto* buffer : {&gaussian_, &order_, &emit_begin_}) buffer->resize_discard(executor, num_splats_);
+    splats_.resize_discard(executor, num_splats_);
+    depth_key_.resize_discard(executor, num_splats_);
+    slot_begin_.resize_discard(executor, num_splats_ + 1);
     for_each_lanes(executor, n,
                    PackSplats{map, projected_.data(), map.stride, visible_.data(), splat_of_.data(), slot_of_.data(),
                               splats_.data(), gaussian_.data(), slot_begin_.data(), depth_key_.data(), order_.data()});
-    slot_begin_.data()[num_splats_] = num_instances_;
+    for_each_n(executor, 1, EndSlots{slot_begin_.data() + num_splats_, num_instances_});
   }
 
   void sort_into_tiles(const Executor<Backend>& executor, const PlanesView& map) {
-    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_, sort_scratch_);
+    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_, scratch_);
     scan_in_order(executor, order_.data(), slot_begin_.data(), emit_begin_.data(), num_splats_);
-    tile_slot_.resize_discard(num_instances_);
-    sorted_slot_.resize_discard(num_instances_);
-    instance_.resize_discard(num_instances_);
+    tile_slot_.resize_discard(executor, num_instances_);
+    sorted_slot_.resize_discard(executor, num_instances_);
+    instance_.resize_discard(executor, num_instances_);
     for_each_lanes(executor, map.size,
                    EmitInstances{grid_, projected_.data(), map.stride, visible_.data(), splat_of_.data(),
                                  slot_of_.data(), emit_begin_.data(), tile_slot_.data(), instance_.data()});
@@ -243,10 +251,9 @@ class SplatList {
   Buffer<std::uint32_t, Backend> depth_key_;
   Buffer<KeyValue, Backend> tile_slot_;
   Buffer<std::int32_t, Backend> visible_, num_tiles_, splat_of_, slot_of_, gaussian_, slot_begin_, emit_begin_, order_;
-  Buffer<std::int32_t, Backend> sorted_slot_;
+  Buffer<std::int32_t, Backend> sorted_slot_, tile_begin_;
   Buffer<Instance, Backend> instance_;
-  std::vector<std::int32_t> tile_begin_, scratch_;
-  SortScratch sort_scratch_;
+  SortScratch<Backend> scratch_;
 };
 
 }  // namespace langgs

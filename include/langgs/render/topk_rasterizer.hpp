@@ -21,6 +21,24 @@ struct SplatStatistics {
   const std::int32_t* topk_count = nullptr;  ///< [V] pixels that have the Gaussian among their K largest weights
 };
 
+/// Per-splat statistics from those of its instances.
+struct ReduceStatistics {
+  const std::int32_t* slot_begin;
+  const InstanceStatistics* slot;
+  std::int32_t* topk_count;
+  float* max_weight;
+  LANGGS_HD void operator()(int c) const {
+    std::int32_t count = 0;
+    float most = 0;
+    for (int s = slot_begin[c]; s < slot_begin[c + 1]; ++s) {
+      count += slot[s].topk_count;
+      most = max(most, slot[s].max_weight);
+    }
+    topk_count[c] = count;
+    max_weight[c] = most;
+  }
+};
+
 /// Renders colour and depth by alpha blending (paper Eq. 1) and records, in the same pass, the K Gaussians with the
 /// largest blending weights of every pixel (Eq. 2); computes all gradients of a loss on colour and depth.
 ///
@@ -37,7 +55,7 @@ class TopKRasterizer {
   void render(const Executor<Backend>& executor, const PlanesView& map, const View& view, bool record_topk = true) {
     splats_.build(executor, map, view);
     num_pixels_ = view.camera.num_pixels();
-    planes_.resize_discard(static_cast<std::size_t>(5) * num_pixels_);
+    planes_.resize_discard(executor, static_cast<std::size_t>(5) * num_pixels_);
     if (record_topk)
       render_recording(executor);
     else
@@ -50,7 +68,7 @@ class TopKRasterizer {
   void backward(const Executor<Backend>& executor, const PlanesView& map, const View& view,
                 const RenderGradient& upstream, MapGradient<Backend>& gradient,
                 const WeightGradient& weight_gradient = {}) {
-    slot_sums_.resize_discard(static_cast<std::size_t>(splats_.num_instances()) * kSplatSumStride);
+    slot_sums_.resize_discard(executor, static_cast<std::size_t>(splats_.num_instances()) * kSplatSumStride);
     launch(executor, splats_.grid().count(),
            TileBackwardWith<WeightGradient>{splats_.grid(), splats_.instances(), rendered(), upstream,
                                             slot_sums_.data(), weight_gradient});
@@ -74,39 +92,21 @@ class TopKRasterizer {
  private:
   void render_recording(const Executor<Backend>& executor) {
     const int instances = splats_.num_instances(), places = instances + splats_.grid().count();
-    for (auto* buffer : {&place_gaussian_, &place_count_}) buffer->resize_discard(places);
-    place_max_weight_.resize_discard(places);
-    slot_statistics_.resize_discard(instances);
-    topk_id_.resize_discard(static_cast<std::size_t>(K) * num_pixels_);
-    topk_weight_.resize_discard(static_cast<std::size_t>(K) * num_pixels_);
+    for (auto* buffer : {&place_gaussian_, &place_count_}) buffer->resize_discard(executor, places);
+    place_max_weight_.resize_discard(executor, places);
+    slot_statistics_.resize_discard(executor, instances);
+    topk_id_.resize_discard(executor, static_cast<std::size_t>(K) * num_pixels_);
+    topk_weight_.resize_discard(executor, static_cast<std::size_t>(K) * num_pixels_);
     const TopKPlanes top{topk_id_.data(),        topk_weight_.data(), slot_statistics_.data(),
                          place_gaussian_.data(), place_count_.data(), place_max_weight_.data()};
     launch(executor, splats_.grid().count(), TileForward<K>{splats_.grid(), splats_.instances(), rendered(), top});
 
-    splat_max_weight_.resize_discard(splats_.num_splats());
-    splat_topk_count_.resize_discard(splats_.num_splats());
+    splat_max_weight_.resize_discard(executor, splats_.num_splats());
+    splat_topk_count_.resize_discard(executor, splats_.num_splats());
     for_each_n(executor, splats_.num_splats(),
                ReduceStatistics{splats_.slot_begin(), slot_statistics_.data(), splat_topk_count_.data(),
                                 splat_max_weight_.data()});
   }
-
-  /// Per-splat statistics from those of its instances.
-  struct ReduceStatistics {
-    const std::int32_t* slot_begin;
-    const InstanceStatistics* slot;
-    std::int32_t* topk_count;
-    float* max_weight;
-    LANGGS_HD void operator()(int c) const {
-      std::int32_t count = 0;
-      float most = 0;
-      for (int s = slot_begin[c]; s < slot_begin[c + 1]; ++s) {
-        count += slot[s].topk_count;
-        most = max(most, slot[s].max_weight);
-      }
-      topk_count[c] = count;
-      max_weight[c] = most;
-    }
-  };
 
   SplatList<Backend> splats_;
   int num_pixels_ = 0;

@@ -165,7 +165,7 @@ class Mapper {
   void step_geometry(const Executor<Backend>& executor, const View& view, Keyframe<FeatDim>& keyframe,
                      PoseRefinementState& refinement, const Coupling* coupling) {
     const std::size_t n = camera_.num_pixels();
-    for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(4 * n);
+    for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(executor, 4 * n);
     for_each_n(
         executor, static_cast<int>(n),
         UnpackTarget{keyframe.colour.data(), keyframe.depth.data(), target_.data(), static_cast<std::ptrdiff_t>(n)});

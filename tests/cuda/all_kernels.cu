@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels that the host tests run, compiled by nvcc from the same source. tests/checks/compile_cuda.sh reads the
-// registers and spills of each.
+// The kernels that the host tests run, compiled by nvcc from the same source. tests/checks/cuda_kernels.sh lists
+// what each of them needs.
 #include "langgs/device/launch.hpp"
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/colour_loss.hpp"
@@ -15,6 +15,7 @@
 #include "langgs/render/splat_list.hpp"
 #include "langgs/render/tile_backward.hpp"
 #include "langgs/render/tile_forward.hpp"
+#include "langgs/render/topk_rasterizer.hpp"
 
 namespace langgs {
 
@@ -45,5 +46,10 @@ template void for_each_lanes(const Executor<Cuda>&, int, const CountTiles&);
 template void for_each_lanes(const Executor<Cuda>&, int, const PackSplats&);
 template void for_each_lanes(const Executor<Cuda>&, int, const EmitInstances&);
 template void for_each_lanes(const Executor<Cuda>&, int, const GatherGradient&);
+template void for_each_n(const Executor<Cuda>&, int, const EndSlots&);
+template void for_each_n(const Executor<Cuda>&, int, const ReduceStatistics&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::TakeValues&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::FindGroups<KeyValue>&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::FindGroups<std::uint32_t>&);
 
 }  // namespace langgs
