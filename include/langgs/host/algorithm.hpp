@@ -27,17 +27,19 @@ namespace langgs {
 
 namespace detail {
 
-/// A range cut into chunks that are worked on in parallel: always as many, whatever the number of threads.
+/// A range cut into chunks that are worked on in parallel. For whole numbers alone: their sums and places do not depend
+/// on where the cuts are.
 class Chunks {
  public:
-  static constexpr int kNumber = 8;
+  static constexpr int kMost = 16;
 
-  explicit Chunks(int n) : n_(n), size_((n + kNumber - 1) / kNumber) {}
+  Chunks(int n, int num_threads) : n_(n), number_(std::min(num_threads, kMost)), size_((n + number_ - 1) / number_) {}
+  [[nodiscard]] int number() const { return number_; }
   [[nodiscard]] int begin(int chunk) const { return std::min(n_, chunk * size_); }
   [[nodiscard]] int end(int chunk) const { return std::min(n_, (chunk + 1) * size_); }
 
  private:
-  int n_, size_;
+  int n_, number_, size_;
 };
 
 /// Calls `put(i, sum of count_of(j) over j < i)` for each i in [0, n), and returns the sum of all.
@@ -52,18 +54,18 @@ int scan_counts(const Executor<Backend>& executor, int n, const CountOf& count_o
     return sum;
   };
   std::int64_t total = 0;
-  if (executor.num_threads() == 1) {  // whole numbers: the sums are the same without chunks
+  if (executor.num_threads() == 1) {  // one sweep instead of two
     total = sweep(0, n, 0);
   } else {
-    const Chunks chunks(n);
-    std::int64_t sums[Chunks::kNumber];
-    executor.pool().run(Chunks::kNumber, [&](int c) {
+    const Chunks chunks(n, executor.num_threads());
+    std::int64_t sums[Chunks::kMost] = {};
+    executor.pool().run(chunks.number(), [&](int c) {
       std::int64_t sum = 0;
       for (int i = chunks.begin(c); i < chunks.end(c); ++i) sum += count_of(i);
       sums[c] = sum;
     });
-    for (std::int64_t& sum : sums) total += std::exchange(sum, total);
-    executor.pool().run(Chunks::kNumber, [&](int c) { sweep(chunks.begin(c), chunks.end(c), sums[c]); });
+    for (int c = 0; c < chunks.number(); ++c) total += std::exchange(sums[c], total);
+    executor.pool().run(chunks.number(), [&](int c) { sweep(chunks.begin(c), chunks.end(c), sums[c]); });
   }
   if (total > INT32_MAX) raise<Error>("more than 2^31 items in a scan; render fewer Gaussians at once");
   return static_cast<int>(total);
@@ -74,10 +76,10 @@ int scan_counts(const Executor<Backend>& executor, int n, const CountOf& count_o
 template <class Backend, class KeyOf, class Put>
 void group(const Executor<Backend>& executor, int n, int num_keys, const KeyOf& key_of, const Put& put,
            std::int32_t* offsets, std::vector<std::int32_t>& scratch) {
-  const Chunks chunks(n);
-  scratch.resize(static_cast<std::size_t>(Chunks::kNumber) * num_keys);
+  const Chunks chunks(n, executor.num_threads());
+  scratch.resize(static_cast<std::size_t>(chunks.number()) * num_keys);
   const auto row = [&](int c) { return scratch.data() + static_cast<std::size_t>(c) * num_keys; };
-  executor.pool().run(Chunks::kNumber, [&](int c) {
+  executor.pool().run(chunks.number(), [&](int c) {
     std::int32_t* count = row(c);
     std::fill_n(count, num_keys, 0);
     for (int i = chunks.begin(c); i < chunks.end(c); ++i) ++count[key_of(i)];
@@ -85,10 +87,10 @@ void group(const Executor<Backend>& executor, int n, int num_keys, const KeyOf& 
   std::int32_t total = 0;
   for (int k = 0; k < num_keys; ++k) {
     offsets[k] = total;
-    for (int c = 0; c < Chunks::kNumber; ++c) total += std::exchange(row(c)[k], total);
+    for (int c = 0; c < chunks.number(); ++c) total += std::exchange(row(c)[k], total);
   }
   offsets[num_keys] = total;
-  executor.pool().run(Chunks::kNumber, [&](int c) {
+  executor.pool().run(chunks.number(), [&](int c) {
     std::int32_t* next = row(c);
     for (int i = chunks.begin(c); i < chunks.end(c); ++i) put(next[key_of(i)]++, i);
   });
