@@ -114,6 +114,10 @@ double sum_of(const T* values, std::size_t size) {
 void record(benchmark::State& state, const Sampling& sampling) {
   const Samples samples(static_cast<int>(state.range(0)), sampling);
   measure(state, samples, 0, samples.record);
+  const ContributionView view = samples.contributions.view();
+  double sum = 0;
+  for (int i = 0; i < view.size; ++i) sum += static_cast<double>(view.contribution[i].weight);
+  state.counters["sum"] = sum;
 }
 
 /// Looks at the rendered features and forgets them, all but the sum of each pixel's channels.
