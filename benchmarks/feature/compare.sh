@@ -34,6 +34,7 @@ record/blend/full=
 half_image/512/3/full=
 adam/512/3/full='
 
+# shellcheck disable=SC2001  # once for each line
 filter=$(sed 's/=.*//' <<<"$pairs" | paste -sd'|')
 for (( round = 0; round < rounds; ++round )); do
   for threads in 1 2; do
