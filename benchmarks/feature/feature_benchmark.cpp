@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times everything about features: contributions from Top-K records, compositing, full blending, and the steps of the
-// optimisers. LANGGS_WORKLOAD names a folder with gs.ply and cameras.txt; without it the built-in room is used.
-// Names: STAGE/D/K/RESOLUTION, K = 0 for full blending.
+// optimisers with the recording that each needs. LANGGS_WORKLOAD names a folder with gs.ply and cameras.txt; without it
+// the built-in room is used. Names: STAGE/D/K/RESOLUTION, K = blend for full blending; full and quarter are 640x480 and
+// 320x240 samples of a 640x480 view. The counter `sum` is over the result: streamed and both images must agree on it.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <functional>
 #include <iterator>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -26,76 +30,97 @@ const Workload& workload() {
   return kept;
 }
 
-/// Features are sampled at the image's resolution divided by this.
-enum Resolution { kFull = 1, kQuarter = 2 };
-
-/// The contributions of the first view; recorded once for each K and resolution, since the map does not move.
-template <int K>
-class View0 {
- public:
-  View0(const Executor<Host>& executor, Resolution resolution) {
-    const View& view = workload().views.front();
-    rasterizer.render(executor, workload().map.geometry(), view);
-    grid = {view.camera.width / resolution, view.camera.height / resolution, view.camera};
-    record(executor);
-  }
-  void record(const Executor<Host>& executor) {
-    if constexpr (K == 0)
-      contributions.from_blending(executor, rasterizer.splats(), grid);
-    else
-      contributions.from_topk(executor, rasterizer, grid);
-  }
-
-  TopKRasterizer<K == 0 ? 1 : K> rasterizer;
-  SampleGrid grid;
-  Contributions<Host> contributions;
+/// Which samples of the first view: K = 0 for full blending, every divisor-th pixel in both directions.
+struct Sampling {
+  int k, divisor;
 };
 
-/// Smooth unit vectors with noise, as an encoder gives them.
+/// The contributions of the first view. K is a value here, so that the kernels of a D are compiled once for all K.
+class Samples {
+ public:
+  Samples(int num_threads, const Sampling& s) : executor(num_threads) {
+    const Camera& camera = workload().views.front().camera;
+    grid = {camera.width / s.divisor, camera.height / s.divisor, camera};
+    if (s.k == 0) prepare<0>();
+    if (s.k == 1) prepare<1>();
+    if (s.k == 3) prepare<3>();
+    if (s.k == 5) prepare<5>();
+    if (s.k == 10) prepare<10>();
+  }
+  Samples(const Samples&) = delete;  // `record` refers to this
+
+  const Executor<Host> executor;
+  SampleGrid grid;
+  Contributions<Host> contributions;
+  std::function<void()> record;
+
+ private:
+  template <int K>
+  void prepare() {
+    const auto rasterizer = std::make_shared<TopKRasterizer<K == 0 ? 1 : K>>();
+    rasterizer->render(executor, workload().map.geometry(), workload().views.front());
+    record = [this, rasterizer] {
+      if constexpr (K == 0)
+        contributions.from_blending(executor, rasterizer->splats(), grid);
+      else
+        contributions.from_topk(executor, *rasterizer, grid);
+    };
+    record();
+  }
+};
+
+/// Patches of one unit vector each, as an encoder sees objects.
 template <int D>
 FeatureMap<D> make_teacher(int width, int height) {
   constexpr int kPatch = 16, kClasses = 29;
+  std::vector<float> classes(kClasses * D);
+  for (std::size_t i = 0; i < classes.size(); ++i) classes[i] = static_cast<float>(CounterRng{7, 0}.uniform(i) - 0.5);
   FeatureMap<D> teacher(width, height);
-  std::vector<float> feature(D);
   for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x) {
-      const CounterRng rng{7, static_cast<std::uint64_t>((y / kPatch * 7 + x / kPatch) % kClasses)};
-      for (int c = 0; c < D; ++c)
-        feature[c] =
-            static_cast<float>(rng.uniform(static_cast<std::uint64_t>(c)) - 0.5 + 0.01 * ((x * 5 + y + c) % 7));
-      teacher.set_pixel(x, y, feature.data());
-    }
+    for (int x = 0; x < width; ++x)
+      teacher.set_pixel(x, y, classes.data() + (y / kPatch * 7 + x / kPatch) % kClasses * D);
   return teacher;
 }
 
-template <int D, class Optimizer>
-using MapOf = GaussianMap<D, Host, Optimizer>;
-
-template <int D, class Optimizer>
-void fill(MapOf<D, Optimizer>& map) {
+/// A map with as many Gaussians as the workload's, and features.
+template <int D, class Storage>
+void fill(GaussianMap<D, Host, Storage>& map) {
   constexpr int kAtOnce = 1000;
   for (int left = workload().map.size(); left > 0; left -= kAtOnce) {
     std::vector<Gaussian<D>> some(std::min(left, kAtOnce));
     for (std::size_t i = 0; i < some.size(); ++i)
-      for (int c = 0; c < D; ++c) some[i].feature[c] = static_cast<float>((i * 31 + c * 17) % 101) * 1e-3f - 0.05f;
+      for (int c = 0; c < D; ++c)
+        some[i].feature[c] = static_cast<float>((i * 31 + static_cast<std::size_t>(c) * 17) % 101) * 1e-3f - 0.04f;
     map.append(some, 0, 0);
   }
 }
 
-void count(benchmark::State& state, const ContributionView& contributions, double bytes) {
-  state.counters["contributions"] = contributions.size;
-  state.counters["MB"] = bytes * 1e-6;
+/// Runs `body` once for its buffers to exist and be touched, then times it. `bytes`: of what it must read and write,
+/// with each row of features counted once, as if a cache held them all.
+template <class Body>
+void measure(benchmark::State& state, const Samples& samples, double bytes, const Body& body) {
+  body();
+  for (auto _ : state) body();
+  const int size = samples.contributions.view().size;
+  state.counters["contributions"] = size;
+  state.counters["MB"] = (bytes + size * 12.) * 1e-6;
 }
 
-template <int K, Resolution R>
-void record(benchmark::State& state) {
-  const Executor<Host> executor(static_cast<int>(state.range(0)));
-  View0<K> view(executor, R);
-  for (auto _ : state) view.record(executor);
-  count(state, view.contributions.view(), view.contributions.view().size * 12.);
+template <class T>
+double sum_of(const T* values, std::size_t size) {
+  return std::accumulate(values, values + size, 0., [](double sum, T v) { return sum + static_cast<float>(v); });
 }
 
-/// The image written as T, or, with T void, looked at and forgotten: the sum of each pixel's channels.
+void record(benchmark::State& state, const Sampling& sampling) {
+  const Samples samples(static_cast<int>(state.range(0)), sampling);
+  measure(state, samples, 0, samples.record);
+  const ContributionView view = samples.contributions.view();
+  double sum = 0;
+  for (int i = 0; i < view.size; ++i) sum += static_cast<double>(view.contribution[i].weight);
+  state.counters["sum"] = sum;
+}
+
+/// Looks at the rendered features and forgets them, all but the sum of each pixel's channels.
 struct Forget {
   float* out;  ///< [num_pixels]
   template <class Warp, class Values>
@@ -105,100 +130,88 @@ struct Forget {
     out[p] = (c == 0 ? 0.f : out[p]) + warp.sum(sum);
   }
 };
-template <int D, int K, Resolution R, class T>
-void composite(benchmark::State& state) {
-  const Executor<Host> executor(static_cast<int>(state.range(0)));
-  const View0<K> view(executor, R);
-  const ContributionView contributions = view.contributions.view();
-  MapOf<D, PlainFeatures<>> map;
-  fill<D, PlainFeatures<>>(map);
-  Buffer<float, Host> seen(contributions.num_pixels());
-  using Image = std::conditional_t<std::is_void_v<T>, float, T>;
-  Buffer<Image, Host> image(std::is_void_v<T> ? 1 : static_cast<std::size_t>(contributions.num_pixels()) * D);
-  for (auto _ : state)
-    if constexpr (std::is_void_v<T>)
-      stream_features<D>(executor, contributions, map.features().data(), Forget{seen.data()});
-    else
-      composite_features<D>(executor, contributions, map.features().data(), image.data());
-  // Rows are counted once, as if a cache held them.
-  count(state, contributions, 2. * D * map.size() + 12. * contributions.size + static_cast<double>(image.bytes()));
+template <int D>
+void streamed(benchmark::State& state, const Sampling& sampling) {
+  const Samples samples(static_cast<int>(state.range(0)), sampling);
+  const ContributionView view = samples.contributions.view();
+  GaussianMap<D> map;
+  fill(map);
+  Buffer<float, Host> seen(view.num_pixels());
+  measure(state, samples, static_cast<double>(map.features().bytes()),
+          [&] { stream_features<D>(samples.executor, view, map.features().data(), Forget{seen.data()}); });
+  state.counters["sum"] = sum_of(seen.data(), seen.size());
 }
 
-template <int D, int K, Resolution R, class Optimizer>
-void step(benchmark::State& state) {
-  const Executor<Host> executor(static_cast<int>(state.range(0)));
-  View0<K> view(executor, R);
-  MapOf<D, Optimizer> map;
-  fill<D, Optimizer>(map);
-  const FeatureMap<D> teacher = make_teacher<D>(view.grid.width, view.grid.height);
+/// The image written as T.
+template <int D, class T>
+void image(benchmark::State& state, const Sampling& sampling) {
+  const Samples samples(static_cast<int>(state.range(0)), sampling);
+  const ContributionView view = samples.contributions.view();
+  GaussianMap<D> map;
+  fill(map);
+  Buffer<T, Host> written(static_cast<std::size_t>(view.num_pixels()) * D);
+  measure(state, samples, static_cast<double>(map.features().bytes() + written.bytes()),
+          [&] { composite_features<D>(samples.executor, view, map.features().data(), written.data()); });
+  state.counters["sum"] = sum_of(written.data(), written.size());
+}
+
+/// All that a feature step does once the view is rendered: record and learn.
+template <int D, class Optimizer>
+void step(benchmark::State& state, const Sampling& sampling) {
+  const Samples samples(static_cast<int>(state.range(0)), sampling);
+  GaussianMap<D, Host, Optimizer> map;
+  fill(map);
+  std::size_t bytes = 0;
+  map.for_each_feature_array([&](const auto& array) { bytes += 2 * array.bytes(); });
+  const FeatureMap<D> teacher = make_teacher<D>(samples.grid.width, samples.grid.height);
   FeatureStep<D, Optimizer> feature_step;
-  const Optimizer optimizer;
-  for (auto _ : state) {
-    view.record(executor);
-    feature_step.step(executor, optimizer, map, view.contributions.view(), teacher);
-  }
-  count(state, view.contributions.view(), static_cast<double>(teacher.bytes()) + 4. * D * map.size());
+  measure(state, samples, static_cast<double>(bytes + teacher.bytes()), [&] {
+    samples.record();
+    feature_step.step(samples.executor, Optimizer(), map, samples.contributions.view(), teacher);
+  });
+  state.counters["sum"] = sum_of(map.features().data(), static_cast<std::size_t>(map.size()) * D);
 }
 
-void add(const std::string& name, void (*body)(benchmark::State&)) {
-  benchmark::RegisterBenchmark(name.c_str(), body)
-      ->ArgName("threads")
-      ->Arg(1)
-      ->Arg(2)
-      ->Unit(benchmark::kMillisecond)
-      ->UseRealTime();
-}
-
-template <int D, int K>
-void add_both(const std::string& name) {
-  const std::string full = "/" + name + "/full", quarter = "/" + name + "/quarter";
-  if constexpr (K > 0) {
-    add("average" + full, step<D, K, kFull, FeatureAverage<>>);
-    add("average" + quarter, step<D, K, kQuarter, FeatureAverage<>>);
-  }
-  add("streamed" + full, composite<D, K, kFull, void>);
-  add("streamed" + quarter, composite<D, K, kQuarter, void>);
+/// For all samplings.
+void add(const std::string& stage, void (*body)(benchmark::State&, const Sampling&)) {
+  for (const int k : {1, 3, 5, 10, 0})
+    for (const int divisor : {1, 2}) {
+      const std::string name =
+          stage + "/" + (k == 0 ? "blend" : std::to_string(k)) + (divisor == 1 ? "/full" : "/quarter");
+      benchmark::RegisterBenchmark(name.c_str(), body, Sampling{k, divisor})
+          ->ArgName("threads")
+          ->Arg(1)
+          ->Arg(2)
+          ->Unit(benchmark::kMillisecond)
+          ->UseRealTime();
+    }
 }
 
 template <int D>
 void add_dimension() {
-  const std::string d = std::to_string(D);
-  add_both<D, 3>(d + "/3");
-  add_both<D, 0>(d + "/blend");
-}
-
-void add_all() {
-  add("record/1/full", record<1, kFull>);
-  add("record/3/full", record<3, kFull>);
-  add("record/10/full", record<10, kFull>);
-  add("record/3/quarter", record<3, kQuarter>);
-  add("record/blend/full", record<0, kFull>);
-  add_dimension<16>();
-  add_dimension<64>();
-  add_dimension<128>();
-  add_dimension<512>();
-  add_dimension<768>();
-  add_dimension<1152>();
-  add_both<512, 1>("512/1");
-  add_both<512, 5>("512/5");
-  add_both<512, 10>("512/10");
-  add("half_image/512/3/full", composite<512, 3, kFull, Half>);
-  add("half_image/512/blend/full", composite<512, 0, kFull, Half>);
-  add("float_image/512/3/full", composite<512, 3, kFull, float>);
-  add("float_image/512/blend/full", composite<512, 0, kFull, float>);
-  add("adam_half/512/3/full", step<512, 3, kFull, FeatureAdam<Half>>);
-  add("adam_half/512/3/quarter", step<512, 3, kQuarter, FeatureAdam<Half>>);
-  add("adam/512/3/full", step<512, 3, kFull, FeatureAdam<float>>);
-  add("adam/512/3/quarter", step<512, 3, kQuarter, FeatureAdam<float>>);
+  const std::string d = "/" + std::to_string(D);
+  add("streamed" + d, streamed<D>);
+  add("half_image" + d, image<D, Half>);
+  add("float_image" + d, image<D, float>);
+  add("average" + d, step<D, FeatureAverage<>>);
+  add("adam_half" + d, step<D, FeatureAdam<Half>>);
+  add("adam" + d, step<D, FeatureAdam<>>);
 }
 
 }  // namespace
 }  // namespace langgs::benchmarks
 
 int main(int argc, char** argv) {
+  using namespace langgs::benchmarks;
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  langgs::benchmarks::add_all();
+  add("record", record);
+  add_dimension<16>();
+  add_dimension<64>();
+  add_dimension<128>();
+  add_dimension<512>();
+  add_dimension<768>();
+  add_dimension<1152>();
   benchmark::RunSpecifiedBenchmarks();
   return 0;
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -11,11 +10,13 @@ namespace langgs {
 
 /// A row of FeatDim channels as a warp works on it: up to 512 consecutive channels at a time, a value for each 32 of
 /// them. So a row of the paper's 512 channels is read as a whole, which is how memory likes to be read; a CPU adds up
-/// in its first-level cache, a GPU in registers.
+/// in its first-level cache, a GPU in registers. Longer rows are cut evenly: 768 channels are 2 blocks of 384, so that
+/// no block has an end to check for.
 template <int FeatDim>
 struct FeatureChannels {
   static constexpr int kLanes = 32;
-  static constexpr int kVectors = std::min(16, (FeatDim + kLanes - 1) / kLanes);
+  static constexpr int kNumBlocks = (FeatDim + 511) / 512;
+  static constexpr int kVectors = (FeatDim + kNumBlocks * kLanes - 1) / (kNumBlocks * kLanes);
   static constexpr int kBlock = kVectors * kLanes;
 
   template <class V>
