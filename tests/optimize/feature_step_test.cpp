@@ -18,7 +18,7 @@ namespace {
 
 /// Random contributions of `num_gaussians` Gaussians to a grid.
 struct RandomGrid {
-  RandomGrid(int width, int height, int num_gaussians) : width(width), height(height) {
+  RandomGrid(int columns, int rows, int num_gaussians) : width(columns), height(rows) {
     const CounterRng rng{11, 0};
     for (int p = 0; p < width * height; ++p) {
       for (std::uint32_t k = 0; k < rng.below(p, 4); ++k) {

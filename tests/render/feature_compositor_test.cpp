@@ -16,7 +16,7 @@ namespace {
 
 /// Contributions with 0 to 5 hits a pixel.
 struct RandomContributions {
-  RandomContributions(int width, int height, int num_gaussians) : width(width), height(height) {
+  RandomContributions(int columns, int rows, int num_gaussians) : width(columns), height(rows) {
     const CounterRng rng{31, 0};
     for (int p = 0; p < width * height; ++p) {
       for (std::uint32_t k = 0; k < rng.below(p, 6); ++k) {

@@ -63,7 +63,7 @@ struct AdamFeatureUpdate {
     block.warps([&](const auto& warp) {
       const int n = block.index() * kWarps + warp.index();
       if (n >= hits.num_touched) return;
-      const auto [g, begin, end] = hits.touched[n];
+      const int g = hits.touched[n].gaussian, begin = hits.touched[n].begin, end = hits.touched[n].end;
       hits.prefetch(warp, n, features, FeatDim);
       for (int c = 0; c < FeatDim; c += Channels::kBlock) {
         typename Channels::template Values<F> gradient;

@@ -38,7 +38,7 @@ struct AverageUpdate {
     block.warps([&](const auto& warp) {
       const int n = block.index() * kWarps + warp.index();
       if (n >= hits.num_touched) return;
-      const auto [g, begin, end] = hits.touched[n];
+      const int g = hits.touched[n].gaussian, begin = hits.touched[n].begin, end = hits.touched[n].end;
       hits.prefetch(warp, n, features, FeatDim);
       float weight = 0;
       for (int h = begin; h < end; ++h) weight += hits.hits[h].weight;
