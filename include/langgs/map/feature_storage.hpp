@@ -8,13 +8,23 @@
 
 namespace langgs {
 
+namespace detail {
+
+/// Stands for what is called with each array of a State. nvcc takes no lambda in a concept.
+struct AnyArray {
+  template <class Array>
+  void operator()(Array&) const {}
+};
+
+}  // namespace detail
+
 /// How a map keeps its features: as which numbers, and what a feature optimiser keeps beside each Gaussian.
 /// `State` has `for_each_array(f)`, which calls f with each of its `Rows`; they grow and shrink with the map, and new
 /// rows are zero.
 template <class S>
 concept FeatureStorage = (std::same_as<typename S::Scalar, float> ||
                           std::same_as<typename S::Scalar, Half>)&&requires(typename S::template State<8, Host> state) {
-  state.for_each_array([](auto&) {});
+  state.for_each_array(detail::AnyArray{});
 };
 
 /// Features and nothing beside them, for maps that are looked at and not learnt.
