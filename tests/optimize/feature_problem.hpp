@@ -78,8 +78,8 @@ struct FeatureProblem {
       }
     return sum / (kPixels * D);
   }
-  void step(const Executor<Backend>& executor, const Optimizer& optimizer = {}) {
-    feature_step.step(executor, optimizer, map, view(), teacher);
+  void step(const Executor<Backend>& on, const Optimizer& optimizer = {}) {
+    feature_step.step(on, optimizer, map, view(), teacher);
   }
 
   Executor<Backend> executor;  ///< sets up and looks

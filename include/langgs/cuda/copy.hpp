@@ -72,6 +72,13 @@ void write_from_host(const Executor<Cuda>& executor, T* to, std::size_t n, const
   write(values.data());
   copy_from_host(executor, values.data(), n, to);
 }
+/// Waits for the stream.
+template <class T, class Compute>
+void compute_to_host(const Executor<Cuda>& executor, T* to, std::size_t n, const Compute& compute) {
+  Buffer<T, Cuda> values(executor, n);
+  compute(values.data());
+  copy_to_host(executor, values.data(), n, to);
+}
 
 template <class T, class Backend>
 class Upload;

@@ -54,6 +54,11 @@ template <detail::HostBackend Backend, class T, class Write>
 void write_from_host(const Executor<Backend>&, T* to, std::size_t, const Write& write) {
   write(to);
 }
+/// Has `compute(values)` compute `n` values in the backend's memory, and brings them to `to` on the host.
+template <detail::HostBackend Backend, class T, class Compute>
+void compute_to_host(const Executor<Backend>&, T* to, std::size_t, const Compute& compute) {
+  compute(to);
+}
 
 /// A host's array as kernels see it.
 template <class T, class Backend>

@@ -74,6 +74,14 @@ class Planes {
   int stride_ = 0, size_ = 0;
 };
 
+/// Planes of a backend as the host sees them; valid until the next call with the same `download`.
+template <class Backend>
+[[nodiscard]] PlanesView planes_on_host(const Executor<Backend>& executor, const PlanesView& planes,
+                                        Download<float, Backend>& download) {
+  const float* base = download(executor, planes.base, static_cast<std::size_t>(planes.stride) * kNumPlanes);
+  return {const_cast<float*>(base), planes.stride, planes.size};
+}
+
 /// Owner of [size, width] values, rows contiguous.
 template <class T, class Backend>
 class Rows {
