@@ -63,7 +63,8 @@ struct AdamFeatureUpdate {
     block.warps([&](const auto& warp) {
       const int n = block.index() * kWarps + warp.index();
       if (n >= hits.num_touched) return;
-      const auto [g, begin, end] = hits.touched[n];
+      const TouchedGaussian touched = hits.touched[n];  // clang 14 captures no structured bindings
+      const std::int32_t g = touched.gaussian, begin = touched.begin, end = touched.end;
       hits.prefetch(warp, n, features, FeatDim);
       for (int c = 0; c < FeatDim; c += Channels::kBlock) {
         typename Channels::template Values<F> gradient;
