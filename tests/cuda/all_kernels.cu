@@ -16,6 +16,8 @@
 #include "langgs/render/tile_backward.hpp"
 #include "langgs/render/tile_forward.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
+#include "langgs/slam/mapping_kernels.hpp"
+#include "langgs/slam/view_renderer.hpp"
 
 namespace langgs {
 
@@ -49,6 +51,11 @@ template void for_each_lanes(const Executor<Cuda>&, int, const GatherGradient&);
 template void for_each_n(const Executor<Cuda>&, int, const EndSlots&);
 template void for_each_n(const Executor<Cuda>&, int, const ReduceStatistics&);
 template void for_each_n(const Executor<Cuda>&, int, const detail::TakeValues&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::TakeRows<Half>&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::UnpackTarget&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::CollectStatistics&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::ScorePrompts<512, Half>&);
+template void for_each_n(const Executor<Cuda>&, int, const detail::PickLabel&);
 template void for_each_n(const Executor<Cuda>&, int, const detail::FindGroups<KeyValue>&);
 template void for_each_n(const Executor<Cuda>&, int, const detail::FindGroups<std::uint32_t>&);
 

@@ -4,74 +4,12 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <type_traits>
 #include <vector>
 
 #include "optimize/feature_problem.hpp"
 
 using namespace langgs;
 using test::FeatureProblem;
-
-namespace {
-
-/// The formula of FeatureAverage in double, one step from `f` and `confidence`.
-template <class Problem>
-void reference_step(const Problem& problem, std::vector<double>& f, std::vector<double>& confidence,
-                    const FeatureAverage<>& settings) {
-  const int dim = static_cast<int>(f.size()) / Problem::kGaussians;
-  for (int g = 0; g < Problem::kGaussians; ++g) {
-    double weight = 0;
-    std::vector<double> sum(static_cast<std::size_t>(dim));
-    for (int p = 0; p < Problem::kPixels; ++p)
-      for (int i = problem.begin[p]; i < problem.begin[p + 1]; ++i) {
-        if (problem.gaussian[i] != g) continue;
-        weight += static_cast<double>(problem.contribution[i].weight);
-        for (int c = 0; c < dim; ++c)
-          sum[c] += static_cast<double>(problem.contribution[i].weight) * problem.target(p, c);
-      }
-    if (weight == 0) continue;
-    const double known =
-        std::min(std::max(confidence[g], static_cast<double>(settings.prior)), static_cast<double>(settings.window));
-    for (int c = 0; c < dim; ++c) f[g * dim + c] = (known * f[g * dim + c] + sum[c]) / (known + weight);
-    confidence[g] = known + weight;
-  }
-}
-
-}  // namespace
-
-TEST_CASE_TEMPLATE("FeatureAverage in full precision is its formula", Dim, std::integral_constant<int, 1>,
-                   std::integral_constant<int, 3>, std::integral_constant<int, 16>, std::integral_constant<int, 33>,
-                   std::integral_constant<int, 100>, std::integral_constant<int, 512>, std::integral_constant<int, 768>,
-                   std::integral_constant<int, 1153>) {
-  constexpr int D = Dim::value;
-  FeatureProblem<D, FeatureAverage<float>> problem(17);
-  std::vector<double> f = problem.features(), confidence(problem.kGaussians);
-  FeatureAverage<float> optimizer;
-  optimizer.prior = 0.5f;
-  optimizer.window = 6;  // reached within a few steps
-  const Executor<Host> executor(1);
-  for (int n = 0; n < 7; ++n) {
-    reference_step(problem, f, confidence, {optimizer.prior, optimizer.window});
-    problem.step(executor, optimizer);
-  }
-  for (int i = 0; i < D * problem.kGaussians; ++i) REQUIRE(std::abs(problem.features()[i] - f[i]) < 1e-6);
-  for (int g = 0; g < problem.kGaussians; ++g)
-    REQUIRE(problem.map.feature_state.confidence.data()[g] == doctest::Approx(confidence[g]).epsilon(1e-6));
-}
-
-TEST_CASE("FeatureAverage in half precision stays within its rounding") {
-  constexpr int D = 100;
-  FeatureProblem<D, FeatureAverage<>> problem(5);
-  std::vector<double> f = problem.features(), confidence(problem.kGaussians);
-  const Executor<Host> executor(1);
-  for (int n = 0; n < 50; ++n) {
-    reference_step(problem, f, confidence, {});
-    problem.step(executor);
-  }
-  // Values below 1/2: half a unit in the last place is 2^-13; the average forgets as much as each step rounds.
-  for (int i = 0; i < D * problem.kGaussians; ++i)
-    REQUIRE(std::abs(problem.features()[i] - f[i]) < 64 * std::ldexp(1.0, -13) / 4);
-}
 
 TEST_CASE("FeatureAverage needs few steps and then stays") {
   FeatureProblem<33, FeatureAverage<>> problem(6);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "langgs/core/rng.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/map/gaussian_map.hpp"
 #include "langgs/optimize/feature_step.hpp"
 
@@ -22,7 +23,7 @@ struct FeatureProblem {
     std::vector<Gaussian<D>> gaussians(kGaussians);
     for (int i = 0; i < kGaussians; ++i)
       for (int c = 0; c < D; ++c) gaussians[i].feature[c] = static_cast<float>(0.3 * rng.normal(1000 + i * D + c));
-    map.append(gaussians, 0, 0);
+    map.append(executor, gaussians, 0, 0);
 
     begin.push_back(0);
     for (int p = 0; p < kPixels; ++p) {
@@ -37,14 +38,23 @@ struct FeatureProblem {
       if (p != 1) teacher.set_pixel(p % kWidth, p / kWidth, target.data());
     }
   }
-  [[nodiscard]] ContributionView view() const {
-    return {kWidth, kHeight, static_cast<int>(gaussian.size()), begin.data(), gaussian.data(), contribution.data()};
+  [[nodiscard]] ContributionView view() {
+    return {kWidth,
+            kHeight,
+            static_cast<int>(gaussian.size()),
+            begin_upload(executor, begin.data(), begin.size()),
+            gaussian_upload(executor, gaussian.data(), gaussian.size()),
+            contribution_upload(executor, contribution.data(), contribution.size())};
   }
   /// The map's features as they are stored.
-  [[nodiscard]] std::vector<double> features() const {
+  [[nodiscard]] std::vector<double> features() const { return on_host(map.features()); }
+  template <class T>
+  [[nodiscard]] std::vector<double> on_host(const Rows<T, Backend>& rows) const {
+    Download<T, Backend> download;
+    const int n = kGaussians * rows.width();
+    const T* const from = download(executor, rows.data(), n);
     std::vector<double> values;
-    for (int i = 0; i < kGaussians * D; ++i)
-      values.push_back(static_cast<double>(static_cast<float>(map.features().data()[i])));
+    for (int i = 0; i < n; ++i) values.push_back(static_cast<double>(static_cast<float>(from[i])));
     return values;
   }
   [[nodiscard]] double target(int p, int c) const {
@@ -68,14 +78,17 @@ struct FeatureProblem {
       }
     return sum / (kPixels * D);
   }
-  void step(const Executor<Backend>& executor, const Optimizer& optimizer = {}) {
-    feature_step.step(executor, optimizer, map, view(), teacher);
+  void step(const Executor<Backend>& on, const Optimizer& optimizer = {}) {
+    feature_step.step(on, optimizer, map, view(), teacher);
   }
 
+  Executor<Backend> executor;  ///< sets up and looks
   GaussianMap<D, Backend, Optimizer> map;
   FeatureMap<D> teacher;
   std::vector<std::int32_t> begin, gaussian;
   std::vector<Contribution> contribution;
+  Upload<std::int32_t, Backend> begin_upload, gaussian_upload;
+  Upload<Contribution, Backend> contribution_upload;
   FeatureStep<D, Optimizer, Backend> feature_step;
 };
 

@@ -55,8 +55,8 @@ TEST_CASE_TEMPLATE("features composite as a plain double loop says", Dim, std::i
   const RandomContributions contributions(kWidth, kHeight, kGaussians);
   Rows<float, Host> features(D);
   Rows<Half, Host> halves(D);
-  features.resize(kGaussians);
-  halves.resize(kGaussians);
+  features.resize(Executor<Host>(), kGaussians);
+  halves.resize(Executor<Host>(), kGaussians);
   for (int i = 0; i < kGaussians * D; ++i) {
     halves.data()[i] = Half(static_cast<float>(CounterRng{32, 0}.normal(i)));
     features.data()[i] = static_cast<float>(halves.data()[i]);  // so that both are compared with the same sums
@@ -90,7 +90,7 @@ TEST_CASE("a sink sees each block of channels of each pixel once") {
   constexpr int D = 1153, kWidth = 21, kHeight = 3;
   const RandomContributions contributions(kWidth, kHeight, 20);
   Rows<Half, Host> features(D);
-  features.resize(20);
+  features.resize(Executor<Host>(), 20);
   for (int g = 0; g < 20; ++g) features.row(g)[0] = Half(static_cast<float>(g));
   std::vector<float> value(kWidth * kHeight);
   std::vector<int> calls(kWidth * kHeight);

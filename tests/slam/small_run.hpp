@@ -92,7 +92,7 @@ struct Bytes {
 template <class Slam>
 [[nodiscard]] Bytes bytes_of(const Slam& slam) {
   Bytes bytes;
-  const auto& map = slam.map();
+  const auto map = slam.map().on_host(slam.executor());
   const std::size_t n = map.size();
   for (const PlanesView& planes : {map.geometry(), map.first_moment.view(), map.second_moment.view()})
     for (int p = 0; p < kNumPlanes; ++p) bytes.add(planes.plane(p), n);

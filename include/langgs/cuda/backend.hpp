@@ -60,6 +60,9 @@ class Executor<Cuda> {
                        shared_->last_launch());
   }
 
+  /// Makes the executor's device that of the calling thread: to be said by another thread before it uses the executor.
+  void make_current() const { detail::check_cuda(cudaSetDevice(shared_->device), "choosing device ", shared_->device); }
+
   void set_launch_checks(LaunchChecks checks) { shared_->checks = checks; }
   /// For whoever launches kernels: what a later error is to name. `name` makes the kernel's name.
   void launched(std::string (*name)(), int num_blocks, int num_threads) const {
@@ -77,7 +80,9 @@ class Executor<Cuda> {
     Shared(std::optional<gpu::Stream> owned_, cudaStream_t stream_, std::shared_ptr<gpu::DeviceMemory> memory_)
         : owned(std::move(owned_)),
           stream(stream_),
-          memory(memory_ != nullptr ? std::move(memory_) : std::make_shared<gpu::StreamOrderedMemory>()) {}
+          memory(memory_ != nullptr ? std::move(memory_) : std::make_shared<gpu::StreamOrderedMemory>()) {
+      detail::check_cuda(cudaGetDevice(&device), "asking for the current device");
+    }
     Shared(const Shared&) = delete;
     Shared& operator=(const Shared&) = delete;
     ~Shared() {
@@ -102,6 +107,7 @@ class Executor<Cuda> {
     std::optional<gpu::Stream> owned;
     cudaStream_t stream;
     std::shared_ptr<gpu::DeviceMemory> memory;
+    int device = 0;
     void* workspace = nullptr;
     std::size_t workspace_bytes = 0;
     LaunchChecks checks = LaunchChecks::at_synchronize;
@@ -110,5 +116,10 @@ class Executor<Cuda> {
   };
   std::shared_ptr<Shared> shared_;
 };
+
+template <detail::CudaBackend Backend>
+[[nodiscard]] Executor<Backend> make_executor(int) {
+  return Executor<Backend>(gpu::Stream());
+}
 
 }  // namespace langgs

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "langgs/cuda/launch.hpp"
+#include "langgs/device/growth.hpp"
 
 /// @file The CUDA twin of device/buffer.hpp.
 
@@ -66,7 +67,7 @@ class Buffer<T, Cuda> {
   void resize_keep(const Executor<Cuda>& executor, std::size_t size) {
     if (size > capacity_) {
       Buffer grown;
-      grown.allocate(executor, std::max(size, capacity_ + capacity_ / 2));
+      grown.allocate(executor, grown_capacity(size));
       if (size_ > 0)
         detail::check_cuda(
             cudaMemcpyAsync(grown.data_, data_, size_ * sizeof(T), cudaMemcpyDeviceToDevice, executor.stream()),

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "langgs/core/error.hpp"
+#include "langgs/device/growth.hpp"
 #include "langgs/host/backend.hpp"
 
 #if defined(__CUDACC__)
@@ -15,10 +16,6 @@
 #endif
 
 namespace langgs {
-
-/// What to allocate for `size` elements that are kept: an eighth more. A map is the largest thing there is, and grows
-/// by a keyframe's part at a time.
-[[nodiscard]] constexpr std::size_t grown_capacity(std::size_t size) { return size + size / 8; }
 
 /// A move-only array in a backend's memory. Contents are not initialised: say `fill` where zeros matter.
 /// Code for any backend passes the executor whose work is going to use the memory; the host needs none.

@@ -24,7 +24,7 @@ inline void expect_same_shape(const Image<float>& a, const Image<float>& b) {
                  b.width(), ", ", b.channels(), "]; they must have one shape and not be empty");
 }
 
-[[nodiscard]] inline bool is_measured(float depth) { return depth > 0 && std::isfinite(depth); }
+[[nodiscard]] inline bool is_valid_depth(float depth) { return depth > 0 && std::isfinite(depth); }
 
 [[nodiscard]] inline double psnr_of_mse(double mse) {
   constexpr double kSmallestMse = 1e-10;  // 100 dB: identical images get a number that can be averaged and written down
@@ -66,7 +66,7 @@ inline void expect_same_shape(const Image<float>& a, const Image<float>& b) {
   double sum = 0;
   std::size_t count = 0;
   for (std::size_t pixel = 0; pixel < depth.size(); ++pixel) {
-    if (!detail::is_measured(depth.data()[pixel])) continue;
+    if (!detail::is_valid_depth(depth.data()[pixel])) continue;
     for (int c = 0; c < channels; ++c) {
       const std::size_t i = pixel * channels + c;
       const double d = double{detail::unit_clamped(rendered.data()[i])} - detail::unit_clamped(measured.data()[i]);
@@ -85,7 +85,7 @@ inline void expect_same_shape(const Image<float>& a, const Image<float>& b) {
   double sum = 0;
   std::size_t count = 0;
   for (std::size_t i = 0; i < measured.size(); ++i) {
-    if (!detail::is_measured(measured.data()[i])) continue;
+    if (!detail::is_valid_depth(measured.data()[i])) continue;
     const float value = rendered.data()[i];
     sum += std::abs((std::isfinite(value) ? double{value} : 0.0) - measured.data()[i]);
     ++count;

@@ -41,6 +41,8 @@ class HostExecutor {
   [[nodiscard]] int num_threads() const { return pool_->num_threads(); }
   /// For code that runs on any backend: here a launch returns when its kernel has run.
   void synchronize() const {}
+  /// To be said by another thread before it uses the executor.
+  void make_current() const {}
 
  private:
   std::unique_ptr<WorkerPool> pool_;
@@ -73,5 +75,11 @@ class Executor<CheckedHost> : public detail::HostExecutor {
   ExecutionOrder order = ExecutionOrder::ascending;
   std::uint64_t seed = 0;  ///< of the shuffled order
 };
+
+/// An executor for work of one's own: on the host of `num_threads` worker threads, elsewhere a stream.
+template <detail::HostBackend Backend>
+[[nodiscard]] Executor<Backend> make_executor(int num_threads) {
+  return Executor<Backend>(num_threads);
+}
 
 }  // namespace langgs

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <vector>
 
 #include "langgs/core/error.hpp"
 #include "langgs/core/rng.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/map/planes.hpp"
 
 /// @file Which Gaussians leave the map (paper section 3.3.1, Semantic-Geometric Consistency Pruning).
@@ -34,6 +36,30 @@ template <class Map>
   return {map.geometry(), s.topk_count.data(), s.max_weight.data(), s.num_views.data(),
           s.birth.data(), s.uid.data(),        map.size()};
 }
+
+/// Brings what a pruning policy looks at from a backend's memory to the host's; on the host it is there.
+template <class Backend>
+class PruningStatisticsReader {
+ public:
+  /// Valid until the next call.
+  template <class Map>
+  [[nodiscard]] PruningStatistics read(const Executor<Backend>& executor, const Map& map) {
+    const auto& s = map.statistics;
+    const std::size_t n = map.size();
+    return {planes_on_host(executor, map.geometry(), geometry_),
+            topk_count_(executor, s.topk_count.data(), n),
+            max_weight_(executor, s.max_weight.data(), n),
+            num_views_(executor, s.num_views.data(), n),
+            birth_(executor, s.birth.data(), n),
+            uid_(executor, s.uid.data(), n),
+            map.size()};
+  }
+
+ private:
+  Download<float, Backend> geometry_, max_weight_;
+  Download<std::int32_t, Backend> topk_count_, num_views_, birth_;
+  Download<std::uint32_t, Backend> uid_;
+};
 
 struct PruningReport {
   int num_transparent = 0;        ///< removed: opacity too low (or not a number)

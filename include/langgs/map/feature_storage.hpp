@@ -10,6 +10,7 @@ namespace langgs {
 
 namespace detail {
 
+/// Stands for what is called with each array of a State. nvcc takes no lambda in a concept.
 struct AnyArray {
   template <class Array>
   void operator()(Array&) const {}
@@ -22,9 +23,8 @@ struct AnyArray {
 /// rows are zero.
 template <class S>
 concept FeatureStorage = (std::same_as<typename S::Scalar, float> ||
-                          std::same_as<typename S::Scalar, Half>)&&requires(typename S::template State<8, Host>& state,
-                                                                            detail::AnyArray f) {
-  state.for_each_array(f);
+                          std::same_as<typename S::Scalar, Half>)&&requires(typename S::template State<8, Host> state) {
+  state.for_each_array(detail::AnyArray{});
 };
 
 /// Features and nothing beside them, for maps that are looked at and not learnt.

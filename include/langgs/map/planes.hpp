@@ -3,10 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 
 #include "langgs/core/config.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/copy.hpp"
 
 namespace langgs {
 
@@ -48,28 +48,24 @@ class Planes {
   [[nodiscard]] PlanesView view() const { return {const_cast<float*>(storage_.data()), stride_, size_}; }
 
   /// Changes the number of rows; kept rows keep their values, new rows are zero.
-  void resize(int size) {
+  void resize(const Executor<Backend>& executor, int size) {
     if (size > stride_) {
       const int stride = (static_cast<int>(grown_capacity(size)) / 32 + 1) * 32;
-      Buffer<float, Backend> grown(static_cast<std::size_t>(stride) * kNumPlanes);
-      grown.fill(0.f);
+      Buffer<float, Backend> grown(executor, static_cast<std::size_t>(stride) * kNumPlanes);
+      set_zero(executor, grown.data(), grown.size());
       for (int p = 0; p < kNumPlanes && size_ > 0; ++p)
-        std::memcpy(grown.data() + static_cast<std::size_t>(p) * stride, view().plane(p), size_ * sizeof(float));
+        copy_within(executor, view().plane(p), size_, grown.data() + static_cast<std::size_t>(p) * stride);
       storage_.swap(grown);
       stride_ = stride;
-    } else {
-      for (int p = 0; p < kNumPlanes; ++p)
-        for (int i = size_; i < size; ++i) view().plane(p)[i] = 0;
+    } else if (size > size_) {
+      for (int p = 0; p < kNumPlanes; ++p) set_zero(executor, view().plane(p) + size_, size - size_);
     }
     size_ = size;
   }
 
-  /// Keeps the rows kept[0..n), which must be ascending, in this order.
-  void compact(const std::int32_t* kept, int n) {
-    for (int p = 0; p < kNumPlanes; ++p) {
-      float* plane = view().plane(p);
-      for (int i = 0; i < n; ++i) plane[i] = plane[kept[i]];
-    }
+  /// Keeps the rows kept[0..n), which must be ascending, in this order. `kept` is in the backend's memory.
+  void compact(const Executor<Backend>& executor, const std::int32_t* kept, int n) {
+    for (int p = 0; p < kNumPlanes; ++p) keep_rows(executor, view().plane(p), 1, kept, n);
     size_ = n;
   }
 
@@ -77,6 +73,14 @@ class Planes {
   Buffer<float, Backend> storage_;
   int stride_ = 0, size_ = 0;
 };
+
+/// Planes of a backend as the host sees them; valid until the next call with the same `download`.
+template <class Backend>
+[[nodiscard]] PlanesView planes_on_host(const Executor<Backend>& executor, const PlanesView& planes,
+                                        Download<float, Backend>& download) {
+  const float* base = download(executor, planes.base, static_cast<std::size_t>(planes.stride) * kNumPlanes);
+  return {const_cast<float*>(base), planes.stride, planes.size};
+}
 
 /// Owner of [size, width] values, rows contiguous.
 template <class T, class Backend>
@@ -91,16 +95,15 @@ class Rows {
   [[nodiscard]] const T* row(int i) const { return storage_.data() + static_cast<std::size_t>(i) * width_; }
 
   /// Changes the number of rows; kept rows keep their values, new rows are zero.
-  void resize(int size) {
-    const std::size_t before = storage_.size();
-    storage_.resize_keep(static_cast<std::size_t>(size) * width_);
-    for (std::size_t i = before; i < storage_.size(); ++i) storage_.data()[i] = T{};
+  void resize(const Executor<Backend>& executor, int size) {
+    const std::size_t before = storage_.size(), after = static_cast<std::size_t>(size) * width_;
+    storage_.resize_keep(executor, after);
+    if (after > before) set_zero(executor, storage_.data() + before, after - before);
   }
-  /// Keeps the rows kept[0..n), which must be ascending, in this order.
-  void compact(const std::int32_t* kept, int n) {
-    for (int i = 0; i < n; ++i)
-      if (kept[i] != i) std::memcpy(row(i), row(kept[i]), width_ * sizeof(T));
-    storage_.resize_keep(static_cast<std::size_t>(n) * width_);
+  /// Keeps the rows kept[0..n), which must be ascending, in this order. `kept` is in the backend's memory.
+  void compact(const Executor<Backend>& executor, const std::int32_t* kept, int n) {
+    keep_rows(executor, storage_.data(), width_, kept, n);
+    storage_.resize_keep(executor, static_cast<std::size_t>(n) * width_);
   }
 
  private:

@@ -5,9 +5,9 @@
 #include <cstdint>
 
 #include "langgs/core/error.hpp"
+#include "langgs/core/half.hpp"
 #include "langgs/device/buffer.hpp"
 #include "langgs/device/launch.hpp"
-#include "langgs/frame/feature_map.hpp"
 #include "langgs/map/feature_storage.hpp"
 #include "langgs/map/gaussian_map.hpp"
 #include "langgs/optimize/adam.hpp"
@@ -63,7 +63,8 @@ struct AdamFeatureUpdate {
     block.warps([&](const auto& warp) {
       const int n = block.index() * kWarps + warp.index();
       if (n >= hits.num_touched) return;
-      const int g = hits.touched[n].gaussian, begin = hits.touched[n].begin, end = hits.touched[n].end;
+      const TouchedGaussian touched = hits.touched[n];  // clang 14 captures no structured bindings
+      const std::int32_t g = touched.gaussian, begin = touched.begin, end = touched.end;
       hits.prefetch(warp, n, features, FeatDim);
       for (int c = 0; c < FeatDim; c += Channels::kBlock) {
         typename Channels::template Values<F> gradient;
@@ -119,16 +120,15 @@ struct FeatureAdam {
                    beta2, ", ", epsilon, "; betas must be in [0, 1), epsilon positive");
   }
 
-  /// `contributions` and `hits` are those of the pixels of `teacher`.
+  /// `contributions` and `hits` are those of the pixels of `teacher` [num_pixels, FeatDim], in the backend's memory.
   template <int FeatDim, class Backend, class Storage>
   void step(const Executor<Backend>& executor, GaussianMap<FeatDim, Backend, Storage>& map,
-            const ContributionView& contributions, const FeatureHitsView& hits, const FeatureMap<FeatDim>& teacher,
+            const ContributionView& contributions, const FeatureHitsView& hits, const Half* teacher,
             Scratch<FeatDim, Backend>& scratch) const {
     using Signs = detail::FeatureSigns<FeatDim>;
     using Update = detail::AdamFeatureUpdate<FeatDim, typename Storage::Scalar>;
     scratch.signs.resize_discard(executor, static_cast<std::size_t>(contributions.num_pixels()) * Signs::kWords);
-    stream_features<FeatDim>(executor, contributions, map.features().data(),
-                             Signs{teacher.pixel(0, 0), scratch.signs.data()});
+    stream_features<FeatDim>(executor, contributions, map.features().data(), Signs{teacher, scratch.signs.data()});
     const float scale = 1.f / (static_cast<float>(contributions.num_pixels()) * FeatDim);
     launch(executor, (hits.num_touched + Update::kWarps - 1) / Update::kWarps,
            Update{hits,

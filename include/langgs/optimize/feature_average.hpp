@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "langgs/core/error.hpp"
+#include "langgs/core/half.hpp"
 #include "langgs/device/launch.hpp"
-#include "langgs/frame/feature_map.hpp"
 #include "langgs/map/feature_storage.hpp"
 #include "langgs/map/gaussian_map.hpp"
 #include "langgs/optimize/feature_hits.hpp"
@@ -92,14 +92,13 @@ struct FeatureAverage {
                    " and ", window, "; they must satisfy 0 <= prior <= window <= 1e9 and 0 < window");
   }
 
-  /// `hits` are those of the pixels of `teacher`.
+  /// `hits` are those of the pixels of `teacher` [num_pixels, FeatDim], in the backend's memory.
   template <int FeatDim, class Backend, class Storage>
   void step(const Executor<Backend>& executor, GaussianMap<FeatDim, Backend, Storage>& map, const ContributionView&,
-            const FeatureHitsView& hits, const FeatureMap<FeatDim>& teacher, Scratch<FeatDim, Backend>&) const {
+            const FeatureHitsView& hits, const Half* teacher, Scratch<FeatDim, Backend>&) const {
     using Update = detail::AverageUpdate<FeatDim, typename Storage::Scalar>;
-    launch(
-        executor, (hits.num_touched + Update::kWarps - 1) / Update::kWarps,
-        Update{hits, teacher.pixel(0, 0), map.features().data(), map.feature_state.confidence.data(), prior, window});
+    launch(executor, (hits.num_touched + Update::kWarps - 1) / Update::kWarps,
+           Update{hits, teacher, map.features().data(), map.feature_state.confidence.data(), prior, window});
   }
 };
 

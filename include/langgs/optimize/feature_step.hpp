@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "langgs/core/error.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/frame/feature_map.hpp"
 #include "langgs/map/feature_storage.hpp"
 #include "langgs/map/gaussian_map.hpp"
@@ -23,7 +24,7 @@ namespace langgs {
 template <class O>
 concept FeatureOptimizer = FeatureStorage<O> &&
     requires(const O optimizer, const Executor<Host>& executor, GaussianMap<8, Host, O>& map,
-             const ContributionView& contributions, const FeatureHitsView& hits, const FeatureMap<8>& teacher,
+             const ContributionView& contributions, const FeatureHitsView& hits, const Half* teacher,
              typename O::template Scratch<8, Host>& scratch) {
   optimizer.step(executor, map, contributions, hits, teacher, scratch);
   optimizer.check();
@@ -43,7 +44,8 @@ constexpr bool require_feature_optimizer() {
 template <int FeatDim, class Optimizer, class Backend = Host>
 class FeatureStep {
  public:
-  /// `contributions` must have one pixel for each pixel of `teacher`, and none where the teacher has nothing.
+  /// `contributions` must have one pixel for each pixel of `teacher`, and none where the teacher has nothing. The
+  /// teacher is brought to the backend's memory; the host has it there.
   void step(const Executor<Backend>& executor, const Optimizer& optimizer,
             GaussianMap<FeatDim, Backend, Optimizer>& map, const ContributionView& contributions,
             const FeatureMap<FeatDim>& teacher) {
@@ -53,12 +55,15 @@ class FeatureStep {
     optimizer.check();
     if (contributions.size == 0) return;
     hits_.build(executor, contributions, map.size());
-    optimizer.step(executor, map, contributions, hits_.view(), teacher, scratch_);
+    const std::size_t values = static_cast<std::size_t>(contributions.num_pixels()) * FeatDim;
+    optimizer.step(executor, map, contributions, hits_.view(), teacher_(executor, teacher.pixel(0, 0), values),
+                   scratch_);
   }
-  [[nodiscard]] std::size_t bytes() const { return hits_.bytes() + scratch_.bytes(); }
+  [[nodiscard]] std::size_t bytes() const { return hits_.bytes() + teacher_.bytes() + scratch_.bytes(); }
 
  private:
   FeatureHits<Backend> hits_;
+  Upload<Half, Backend> teacher_;
   typename Optimizer::template Scratch<FeatDim, Backend> scratch_;
 };
 

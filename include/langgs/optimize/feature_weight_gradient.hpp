@@ -9,6 +9,7 @@
 #include "langgs/core/half.hpp"
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/frame/feature_map.hpp"
 #include "langgs/optimize/masked_images.hpp"
@@ -137,10 +138,13 @@ class FeatureWeightGradient {
     slope_.resize_discard(executor, static_cast<std::size_t>(K) * n);
     rows_.resize_discard(executor, static_cast<std::size_t>(2) * n);
     launch(executor, (n + Slopes::kWarps - 1) / Slopes::kWarps,
-           Slopes{grid, rasterizer.topk_id(), rasterizer.topk_weight(), features, teacher.pixel(0, 0), slope_.data(),
+           Slopes{grid, rasterizer.topk_id(), rasterizer.topk_weight(), features,
+                  teacher_(executor, teacher.pixel(0, 0), static_cast<std::size_t>(n) * FeatDim), slope_.data(),
                   rows_.data(), rows_.data() + n});
     double sums[2];  // of the losses, and the number of samples that teach
-    sum_rows(executor, rows_.data(), n, n, 2, sums);
+    sums_.resize_discard(executor, 2);
+    sum_rows(executor, rows_.data(), n, n, 2, sums_.data());
+    copy_to_host(executor, sums_.data(), 2, sums);
     const double values = sums[1] * FeatDim;
 
     gradient_.resize_discard(executor, places);
@@ -157,7 +161,9 @@ class FeatureWeightGradient {
 
  private:
   TopKWeightGradient<K> view_;
+  Upload<Half, Backend> teacher_;
   Buffer<float, Backend> slope_, rows_, gradient_;
+  Buffer<double, Backend> sums_;
 };
 
 }  // namespace langgs

@@ -3,6 +3,8 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <memory>
 #include <type_traits>
@@ -10,6 +12,7 @@
 #include <vector>
 
 #include "langgs/core/rng.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/manage/insertion.hpp"
 #include "langgs/manage/pruning_policy.hpp"
 #include "langgs/map/gaussian_map.hpp"
@@ -23,6 +26,7 @@
 #include "langgs/optimize/pose_refinement.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 #include "langgs/slam/front_end.hpp"
+#include "langgs/slam/mapping_kernels.hpp"
 
 namespace langgs {
 
@@ -50,7 +54,8 @@ class Mapper {
         adam_(settings.mapping.learning_rates) {}
 
   /// Inserts what a keyframe shows and the map does not have yet, and queues the keyframe for optimisation.
-  void add_keyframe(const TrackedFrame& tracked, const RgbdFrame& frame, FeatureMap<FeatDim> features) {
+  void add_keyframe(const Executor<Backend>& executor, const TrackedFrame& tracked, const RgbdFrame& frame,
+                    FeatureMap<FeatDim> features) {
     const FrameReport& report = tracked.report;
     std::vector<Eigen::Vector3f> means;
     means.reserve(tracked.cloud.points.size());
@@ -58,7 +63,8 @@ class Mapper {
       means.push_back((report.T_world_camera * point.cast<double>()).template cast<float>());
     std::vector<std::int32_t> chosen;
     redundancy_.select({means, tracked.squared_distance}, chosen);
-    map_.append(make_gaussians(tracked.cloud, chosen, frame, camera_, features, report.T_world_camera,
+    map_.append(executor,
+                make_gaussians(tracked.cloud, chosen, frame, camera_, features, report.T_world_camera,
                                settings_.mapping.initialization, settings_.tracking.source.stride),
                 iteration_, keyframes_.size());
     inserted_ += static_cast<int>(chosen.size());
@@ -71,8 +77,8 @@ class Mapper {
   }
 
   /// What tracking registers frames to: the opaque Gaussians of the map as it is now.
-  [[nodiscard]] std::shared_ptr<const GicpTarget> make_target() const {
-    const PlanesView g = map_.geometry();
+  [[nodiscard]] std::shared_ptr<const GicpTarget> make_target(const Executor<Backend>& executor) {
+    const PlanesView g = planes_on_host(executor, map_.geometry(), geometry_on_host_);
     const float min_logit =
         std::log(settings_.tracking.min_target_opacity / (1 - settings_.tracking.min_target_opacity));
     std::vector<Eigen::Vector3f> means, scales;
@@ -120,14 +126,15 @@ class Mapper {
 
   [[nodiscard]] const Map& map() const { return map_; }
   [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return keyframes_.all(); }
-  [[nodiscard]] double last_loss() const { return last_loss_; }
+  /// Of the last iteration that moved geometry; waits for it.
+  [[nodiscard]] double last_loss() const { return loss_.terms().total; }
 
   /// Bytes held by the map, by the keyframes, and by what a feature step needs besides.
   [[nodiscard]] MemoryReport memory_report() const {
     MemoryReport report = map_.memory_report();
     report.emplace_back("keyframe_features", keyframes_.feature_bytes());
     report.emplace_back("keyframe_images", keyframes_.bytes() - keyframes_.feature_bytes());
-    report.emplace_back("feature_scratch", contributions_.bytes() + feature_step_.bytes());
+    report.emplace_back("feature_scratch", contributions_.bytes() + feature_step_.bytes() + present_.bytes());
     return report;
   }
 
@@ -166,13 +173,14 @@ class Mapper {
                      PoseRefinementState& refinement, const Coupling* coupling) {
     const std::size_t n = camera_.num_pixels();
     for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(executor, 4 * n);
-    for_each_n(
-        executor, static_cast<int>(n),
-        UnpackTarget{keyframe.colour.data(), keyframe.depth.data(), target_.data(), static_cast<std::ptrdiff_t>(n)});
+    for_each_n(executor, static_cast<int>(n),
+               detail::UnpackTarget{colour_(executor, keyframe.colour.data(), 3 * n),
+                                    depth_(executor, keyframe.depth.data(), n), target_.data(),
+                                    static_cast<std::ptrdiff_t>(n)});
     const RenderPlanes rendered = rasterizer_.rendered();
-    last_loss_ = loss_.evaluate(executor, {rendered.colour, rendered.depth, camera_.width, camera_.height},
-                                {target_.data(), target_.data() + 3 * n, camera_.width, camera_.height},
-                                {gradient_.data(), gradient_.data() + 3 * n});
+    loss_.start(executor, {rendered.colour, rendered.depth, camera_.width, camera_.height},
+                {target_.data(), target_.data() + 3 * n, camera_.width, camera_.height},
+                {gradient_.data(), gradient_.data() + 3 * n});
     backward(executor, view, keyframe, coupling);
     adam_.step(executor, map_, map_gradient_);
     if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
@@ -197,70 +205,41 @@ class Mapper {
                      const Keyframe<FeatDim>& keyframe) {
     const FeatureMap<FeatDim>& teacher = keyframe.features;
     const SampleGrid grid{teacher.width(), teacher.height(), camera_};
+    const std::uint8_t* const present =
+        present_(executor, teacher.present(), static_cast<std::size_t>(grid.width) * grid.height);
     if (settings_.mapping.feature_rendering == FeatureRendering::topk)
-      contributions_.from_topk(executor, rasterizer_, grid, teacher.present());
+      contributions_.from_topk(executor, rasterizer_, grid, present);
     else
-      contributions_.from_blending(executor, rasterizer_.splats(), grid, teacher.present());
+      contributions_.from_blending(executor, rasterizer_.splats(), grid, present);
     feature_step_.step(executor, optimizer, map_, contributions_.view(), teacher);
   }
 
   void collect_statistics(const Executor<Backend>& executor) {
     Statistics<Backend>& s = map_.statistics;
     const SplatStatistics seen = rasterizer_.statistics();
-    for_each_n(
-        executor, rasterizer_.splats().num_splats(),
-        Collect{rasterizer_.splats().gaussian(), seen, s.topk_count.data(), s.max_weight.data(), s.num_views.data()});
+    for_each_n(executor, rasterizer_.splats().num_splats(),
+               detail::CollectStatistics{rasterizer_.splats().gaussian(), seen, s.topk_count.data(),
+                                         s.max_weight.data(), s.num_views.data()});
   }
 
   template <MapPruning Pruning>
   void prune(const Executor<Backend>& executor, const Pruning& pruning) {
     if (!pruning.due(iteration_)) return;
-    const PruningReport report = pruning.select(iteration_, pruning_statistics(map_), keep_);
-    const int removed = map_.prune(keep_);
+    const PruningReport report = pruning.select(iteration_, pruning_statistics_.read(executor, map_), keep_);
+    const int removed = map_.prune(executor, keep_);
     pruned_ += removed;
-    const PlanesView g = map_.geometry();
-    if (removed > 0)
+    if (removed > 0) {
+      const PlanesView g = planes_on_host(executor, map_.geometry(), geometry_on_host_);
       redundancy_.rebuild(
           g.size, [&](int i) { return Eigen::Vector3f(g.plane(kMeanX)[i], g.plane(kMeanY)[i], g.plane(kMeanZ)[i]); });
+    }
+    if (!report.reset_statistics) return;
     Statistics<Backend>& s = map_.statistics;
-    if (report.reset_statistics)
-      for_each_n(executor, g.size, Reset{s.topk_count.data(), s.max_weight.data(), s.num_views.data()});
+    const std::size_t n = map_.size();
+    set_zero(executor, s.topk_count.data(), n);
+    set_zero(executor, s.max_weight.data(), n);
+    set_zero(executor, s.num_views.data(), n);
   }
-
-  struct UnpackTarget {
-    const std::uint8_t* colour;  ///< [H, W, 3]
-    const float* depth;
-    float* out;  ///< [4, H, W]
-    std::ptrdiff_t plane;
-    LANGGS_HD void operator()(int p) const {
-      for (int c = 0; c < 3; ++c) out[c * plane + p] = static_cast<float>(colour[3 * p + c]) * (1.f / 255.f);
-      out[3 * plane + p] = depth[p];
-    }
-  };
-  struct Collect {
-    const std::int32_t* gaussian;
-    SplatStatistics seen;
-    std::int32_t* topk_count;
-    float* max_weight;
-    std::int32_t* num_views;
-    LANGGS_HD void operator()(int c) const {
-      const int i = gaussian[c];
-      topk_count[i] += seen.topk_count[c];
-      max_weight[i] = max(max_weight[i], seen.max_weight[c]);
-      ++num_views[i];
-    }
-  };
-
-  struct Reset {
-    std::int32_t* topk_count;
-    float* max_weight;
-    std::int32_t* num_views;
-    LANGGS_HD void operator()(int i) const {
-      topk_count[i] = 0;
-      max_weight[i] = 0;
-      num_views[i] = 0;
-    }
-  };
 
   Camera camera_;
   SlamSettings settings_;
@@ -277,9 +256,12 @@ class Mapper {
   FeatureStep<FeatDim, FeatureOptimizer, Backend> feature_step_;
   std::conditional_t<Coupling::kCoupled, FeatureWeightGradient<FeatDim, K, Backend>, Coupling> on_weights_;
   Buffer<float, Backend> target_, gradient_;
+  Upload<std::uint8_t, Backend> colour_, present_;
+  Upload<float, Backend> depth_;
+  Download<float, Backend> geometry_on_host_;
+  PruningStatisticsReader<Backend> pruning_statistics_;
   std::vector<std::int32_t> keep_;
   int iteration_ = 0, inserted_ = 0, suppressed_ = 0, pruned_ = 0;
-  double last_loss_ = 0;
   std::vector<float> geometry_ms_, feature_ms_;
 };
 

@@ -16,26 +16,28 @@
 
 namespace langgs {
 
-struct RealtimeOptions {
-  double fps = 0;       ///< playback rate; 0: as fast as tracking goes
-  int num_threads = 1;  ///< worker threads of the mapping thread
-};
-
 /// The real-time schedule: the calling thread tracks, a second thread maps with all the time that tracking leaves.
 /// They meet in a mailbox of one keyframe. After a tracking keyframe, tracking waits for the renewed target; a mapping
-/// keyframe it leaves behind. Reproducible only up to how the threads happen to run.
-template <class Mapper, class KeyframePolicy, class Policies>
+/// keyframe it leaves behind. Reproducible only up to how the threads happen to run. The executor is the mapping
+/// thread's while `run` runs.
+template <class Mapper, class KeyframePolicy, class Policies, class Backend>
 class RealtimeRunner {
  public:
-  RealtimeRunner(FrontEnd& front_end, Mapper& mapper, KeyframePolicy& keyframe_policy, const Policies& policies)
-      : front_end_(front_end), mapper_(mapper), keyframe_policy_(keyframe_policy), policies_(policies) {}
+  RealtimeRunner(FrontEnd& front_end, Mapper& mapper, KeyframePolicy& keyframe_policy, const Policies& policies,
+                 const Executor<Backend>& executor)
+      : front_end_(front_end),
+        mapper_(mapper),
+        keyframe_policy_(keyframe_policy),
+        policies_(policies),
+        executor_(executor) {}
 
+  /// `fps` is the playback rate; 0: as fast as tracking goes.
   template <class Source, class Features, class Observer>
-  void run(Source& source, Features& features, Observer& observer, const RealtimeOptions& options) {
-    std::thread mapping([&] { map(features, options.num_threads); });
+  void run(Source& source, Features& features, Observer& observer, double fps) {
+    std::thread mapping([&] { map(features); });
     std::exception_ptr failure;
     try {
-      track(source, observer, options.fps);
+      track(source, observer, fps);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -95,9 +97,9 @@ class RealtimeRunner {
   }
 
   template <class Features>
-  void map(Features& features, int num_threads) {
+  void map(Features& features) {
     try {
-      const Executor<Host> executor(num_threads);
+      executor_.make_current();
       for (;;) {
         std::optional<Mail> mail;
         {
@@ -107,14 +109,14 @@ class RealtimeRunner {
           mail.swap(mail_);
         }
         if (mail) {
-          mapper_.add_keyframe(mail->tracked, mail->frame, features(mail->frame));
+          mapper_.add_keyframe(executor_, mail->tracked, mail->frame, features(mail->frame));
           const bool renews_target = mail->tracked.report.keyframe == KeyframeKind::tracking;
-          auto target = renews_target ? mapper_.make_target() : nullptr;
+          auto target = renews_target ? mapper_.make_target(executor_) : nullptr;
           std::lock_guard lock(mutex_);
           target_ = std::move(target);
         }
         changed_.notify_all();
-        mapper_.iterate(executor, policies_);
+        mapper_.iterate(executor_, policies_);
         std::lock_guard lock(mutex_);
         num_gaussians_ = mapper_.map().size();
         loss_ = mapper_.last_loss();
@@ -130,6 +132,7 @@ class RealtimeRunner {
   Mapper& mapper_;
   KeyframePolicy& keyframe_policy_;
   Policies policies_;
+  const Executor<Backend>& executor_;
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -22,8 +22,9 @@ namespace langgs {
 /// The policies are public members: replace them by types of your own, or set their fields, before the first frame.
 /// `process` is the lockstep schedule: the same input gives the same bits, for any number of threads.
 /// `run_realtime` is the same pipeline with tracking and mapping in threads of their own.
+/// Mapping and rendering run on `Backend`; tracking runs on the host.
 template <int FeatDim, int K = 3, class Pruning = PruningPolicy, class Schedule = HybridSchedule,
-          class FeatureOptimizer = FeatureAverage<>, class Coupling = DecoupledFields>
+          class FeatureOptimizer = FeatureAverage<>, class Coupling = DecoupledFields, class Backend = Host>
 class LangGsSlam {
   static_assert(FeatDim >= 1 && FeatDim <= 4096, "FeatDim must be in [1, 4096]; LSeg and CLIP ViT-B/32 use 512");
   static_assert(require_map_pruning<Pruning>() && require_optimization_schedule<Schedule>() &&
@@ -31,12 +32,16 @@ class LangGsSlam {
   static_assert(K >= 1 && K <= 16, "LangGsSlam<FeatDim, K>: K must be in [1, 16]; the paper uses 3");
 
  public:
-  using Map = GaussianMap<FeatDim, Host, FeatureOptimizer>;
+  using Map = GaussianMap<FeatDim, Backend, FeatureOptimizer>;
 
   LangGsSlam(const Camera& camera, const SlamSettings& settings)
+      : LangGsSlam(camera, settings, make_executor<Backend>(checked(settings).num_threads)) {}
+  /// Works on an executor of the user's.
+  LangGsSlam(const Camera& camera, const SlamSettings& settings, Executor<Backend> executor)
       : camera_(camera),
         settings_(checked(settings)),
-        executor_(settings.num_threads),
+        executor_(std::move(executor)),
+        threads_(detail::HostBackend<Backend> ? nullptr : std::make_unique<WorkerPool>(settings.num_threads)),
         front_end_(camera, settings.tracking),
         mapper_(camera, settings) {}
 
@@ -50,10 +55,10 @@ class LangGsSlam {
   /// a frame that is well formed but not usable is skipped and reported.
   template <FeatureSource<FeatDim> Features>
   FrameReport process(const RgbdFrame& frame, Features& features, const FrameRole& role = {}) {
-    TrackedFrame tracked = front_end_.track(frame, role, keyframe_policy, executor_.pool());  // section 3
+    TrackedFrame tracked = front_end_.track(frame, role, keyframe_policy, pool());  // section 3
     if (tracked.report.keyframe != KeyframeKind::none) {
-      mapper_.add_keyframe(tracked, frame, features(frame));  // section 3.3.2
-      if (tracked.report.keyframe == KeyframeKind::tracking) front_end_.set_target(mapper_.make_target());
+      mapper_.add_keyframe(executor_, tracked, frame, features(frame));  // section 3.3.2
+      if (tracked.report.keyframe == KeyframeKind::tracking) front_end_.set_target(mapper_.make_target(executor_));
     }
     iterate(settings_.iterations_per_frame);  // sections 3.2 to 3.4
     tracked.report.num_gaussians = mapper_.map().size();
@@ -69,11 +74,13 @@ class LangGsSlam {
   /// it must not touch the map, which is being written meanwhile. No frame is held out and `finish` is the caller's.
   template <FrameSource Source, FeatureSource<FeatDim> Features, class Observer>
   void run_realtime(Source& source, Features& features, Observer&& observer, double fps = 0) {
-    RealtimeRunner runner(front_end_, mapper_, keyframe_policy, policies());
-    runner.run(source, features, observer, {fps, settings_.num_threads});
+    RealtimeRunner runner(front_end_, mapper_, keyframe_policy, policies(), executor_);
+    runner.run(source, features, observer, fps);
   }
 
   [[nodiscard]] const Map& map() const { return mapper_.map(); }
+  /// What the map's memory is used by; `map().on_host(executor())` copies it to the host.
+  [[nodiscard]] const Executor<Backend>& executor() const { return executor_; }
   [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return mapper_.keyframes(); }
   [[nodiscard]] const Camera& camera() const { return camera_; }
   /// Bytes held, part by part: the map, the keyframes, and what a feature step needs besides.
@@ -119,6 +126,12 @@ class LangGsSlam {
     validate(settings);
     return settings;
   }
+  [[nodiscard]] WorkerPool& pool() {
+    if constexpr (detail::HostBackend<Backend>)
+      return executor_.pool();
+    else
+      return *threads_;
+  }
   void iterate(int n) {
     for (int i = 0; i < n; ++i) mapper_.iterate(executor_, policies());
   }
@@ -128,10 +141,11 @@ class LangGsSlam {
 
   Camera camera_;
   SlamSettings settings_;
-  Executor<Host> executor_;
+  Executor<Backend> executor_;
+  std::unique_ptr<WorkerPool> threads_;  ///< of tracking, where the executor has none
   FrontEnd front_end_;
-  Mapper<FeatDim, K, FeatureOptimizer, Coupling> mapper_;
-  ViewRenderer<FeatDim, K> renderer_;
+  Mapper<FeatDim, K, FeatureOptimizer, Coupling, Backend> mapper_;
+  ViewRenderer<FeatDim, K, Backend> renderer_;
 };
 
 }  // namespace langgs

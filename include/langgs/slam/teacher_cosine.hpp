@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "langgs/core/half.hpp"
+#include "langgs/device/copy.hpp"
 #include "langgs/frame/feature_map.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_compositor.hpp"
@@ -48,11 +50,17 @@ struct TeacherCosine {
   template <int FeatDim, class Backend, class Scalar>
   void add(const Executor<Backend>& executor, const ContributionView& contributions, const Scalar* features,
            const FeatureMap<FeatDim>& teacher) {
-    std::vector<float> sums(static_cast<std::size_t>(3) * contributions.num_pixels());
-    stream_features<FeatDim>(executor, contributions, features,
-                             detail::CosineSums<FeatDim>{teacher.pixel(0, 0), sums.data()});
-    for (int p = 0; p < contributions.num_pixels(); ++p) {
-      if (contributions.begin[p] == contributions.begin[p + 1]) continue;
+    const std::size_t n = contributions.num_pixels();
+    Upload<Half, Backend> upload;
+    const Half* const target = upload(executor, teacher.pixel(0, 0), n * FeatDim);
+    std::vector<float> sums(3 * n);
+    compute_to_host(executor, sums.data(), sums.size(), [&](float* to) {
+      stream_features<FeatDim>(executor, contributions, features, detail::CosineSums<FeatDim>{target, to});
+    });
+    Download<std::int32_t, Backend> download;
+    const std::int32_t* const begin = download(executor, contributions.begin, n + 1);
+    for (std::size_t p = 0; p < n; ++p) {
+      if (begin[p] == begin[p + 1]) continue;
       const double own = static_cast<double>(sums[3 * p + 1]), other = static_cast<double>(sums[3 * p + 2]);
       if (own > 0 && other > 0) sum += static_cast<double>(sums[3 * p]) / std::sqrt(own * other);
       ++pixels;

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// A whole run on CUDA against the same run on the host. Exponentials differ in their last bits, and a run carries that
+// on: the two end up near each other, not equal.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <vector>
+
+#include "cuda/slam_run.hpp"
+#include "langgs/optimize/feature_adam.hpp"
+
+namespace langgs {
+namespace {
+
+using test::SlamRun;
+
+TEST_CASE("A run on CUDA is that of the host, and itself again bit for bit") {
+  const SlamRun host = test::slam_run_on_host(), run = test::slam_run<Cuda>();
+  CHECK(run.keyframes == host.keyframes);
+  CHECK(host.pruned > 0);
+  CHECK(std::abs(run.pruned - host.pruned) <= host.gaussians / 50);
+  CHECK(std::abs(run.gaussians - host.gaussians) <= host.gaussians / 50);
+  REQUIRE(run.trajectory.size() == host.trajectory.size());
+  double farthest = 0;
+  for (std::size_t i = 0; i < run.trajectory.size(); ++i)
+    farthest = std::max(
+        farthest,
+        (run.trajectory[i].T_world_camera.translation() - host.trajectory[i].T_world_camera.translation()).norm());
+  CHECK(farthest < 1e-3);
+  CHECK(std::abs(run.psnr - host.psnr) < 0.1);
+  CHECK(std::abs(run.cosine - host.cosine) < 0.002);
+  CHECK(run.loss == doctest::Approx(host.loss).epsilon(0.01));
+  REQUIRE(run.features.size() == host.features.size());
+  double difference = 0;
+  for (std::size_t i = 0; i < run.features.size(); ++i)
+    difference += static_cast<double>(std::abs(run.features[i] - host.features[i]));
+  CHECK(difference / static_cast<double>(run.features.size()) < 0.002);
+  REQUIRE(run.labels.size() == host.labels.size());
+  std::size_t other_labels = 0;
+  for (std::size_t i = 0; i < run.labels.size(); ++i) other_labels += run.labels[i] != host.labels[i] ? 1 : 0;
+  CHECK(other_labels < run.labels.size() / 100);
+  MESSAGE("Gaussians ", run.gaussians, " / ", host.gaussians, ", pruned ", run.pruned, " / ", host.pruned,
+          ", farthest ", farthest, " m, PSNR ", run.psnr, " / ", host.psnr, ", cosine ", run.cosine, " / ", host.cosine,
+          ", loss ", run.loss, " / ", host.loss, ", features ", difference / static_cast<double>(run.features.size()),
+          ", labels ", other_labels);
+  CHECK(test::slam_run<Cuda>().bytes == run.bytes);
+}
+
+TEST_CASE("A run on CUDA may have mapping in a thread of its own") {
+  const SyntheticRoom room = test::small_room(3);
+  LangGsSlam<test::kDim, 2, PruningPolicy, HybridSchedule, FeatureAdam<>, CoupledFields, Cuda> slam(
+      room.camera(), test::small_settings());
+  slam.keyframe_policy = test::often();
+  auto features = test::label_features(room);
+  const std::vector<RgbdFrame> frames = test::frames_of(room);
+  struct Source {
+    Camera intrinsics;
+    const std::vector<RgbdFrame>& frames;
+    std::size_t index = 0;
+    [[nodiscard]] const Camera& camera() const { return intrinsics; }
+    bool next(RgbdFrame& frame) {
+      if (index < frames.size()) frame = frames[index];
+      return index++ < frames.size();
+    }
+  } source{room.camera(), frames};
+  slam.run_realtime(source, features, [](const FrameReport&) { return true; });
+  CHECK(slam.statistics().frames == 3);
+  CHECK(slam.statistics().lost_frames == 0);
+  CHECK(slam.statistics().feature_iterations > 0);
+  CHECK(slam.map().size() > 500);
+  CHECK(std::isfinite(slam.teacher_cosine().mean()));
+}
+
+}  // namespace
+}  // namespace langgs
