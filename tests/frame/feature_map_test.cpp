@@ -76,7 +76,7 @@ TEST_CASE_TEMPLATE("stored features are unit vectors in the direction given", Di
                    std::integral_constant<int, 1152>, std::integral_constant<int, 4096>) {
   constexpr int D = Dim::value;
   FeatureMap<D> map(3, 2);
-  CHECK(map.bytes() == 3 * 2 * D * 2);
+  CHECK(map.bytes() == 3 * 2 * (D * 2 + 1));
   const std::vector<float> feature = random_feature<D>(1);
   map.set_pixel(2, 1, feature.data());
   double norm2 = 0, dot = 0;

@@ -21,7 +21,7 @@ template <class Optimizer, class Coupling = DecoupledFields>
 using Slam = LangGsSlam<kDim, 3, PruningPolicy, HybridSchedule, Optimizer, Coupling>;
 
 template <class System>
-void run(System& slam) {
+void map_small_room(System& slam) {
   const SyntheticRoom room = test::small_room(kFrames);
   LabelFeatures<kDim> features = test::label_features(room);
   slam.keyframe_policy = test::often();
@@ -40,9 +40,9 @@ TEST_CASE("geometry does not depend on how features learn or are stored") {
   Slam<FeatureAverage<>> halves(room.camera(), test::small_settings());
   Slam<FeatureAverage<float>> floats(room.camera(), test::small_settings());
   Slam<FeatureAdam<>> adam(room.camera(), test::small_settings());
-  run(halves);
-  run(floats);
-  run(adam);
+  map_small_room(halves);
+  map_small_room(floats);
+  map_small_room(adam);
   CHECK(means_of(floats) == means_of(halves));
   CHECK(means_of(adam) == means_of(halves));
   // Half precision costs nothing that shows.
@@ -57,9 +57,9 @@ TEST_CASE("coupled fields let the feature loss move geometry") {
   Slam<FeatureAdam<>, CoupledFields> silent(room.camera(), test::small_settings());
   Slam<FeatureAdam<>, CoupledFields> coupled(room.camera(), test::small_settings());
   silent.coupling.weight = 0;
-  run(apart);
-  run(silent);
-  run(coupled);
+  map_small_room(apart);
+  map_small_room(silent);
+  map_small_room(coupled);
   CHECK(means_of(coupled) != means_of(apart));
   CHECK(silent.map().size() == apart.map().size());
   CHECK(test::all_finite(coupled));
@@ -69,7 +69,7 @@ TEST_CASE("coupled fields let the feature loss move geometry") {
 TEST_CASE("the teacher cosine is that of the rendered feature images") {
   const SyntheticRoom room = test::small_room(kFrames);
   Slam<FeatureAverage<>> slam(room.camera(), test::small_settings());
-  run(slam);
+  map_small_room(slam);
   double sum = 0;
   int pixels = 0;
   for (const Keyframe<kDim>& k : slam.keyframes()) {
@@ -99,7 +99,7 @@ TEST_CASE("keyframes stay within their budget, and the map keeps what they taugh
   const SyntheticRoom room = test::small_room(kFrames);
   SlamSettings settings = test::small_settings();
   Slam<FeatureAverage<>> whole(room.camera(), settings);
-  run(whole);
+  map_small_room(whole);
   const auto part = [](const auto& slam, const std::string& name) {
     for (const auto& [of, bytes] : slam.memory_report())
       if (of == name) return bytes;
@@ -109,7 +109,7 @@ TEST_CASE("keyframes stay within their budget, and the map keeps what they taugh
   const std::size_t needed = part(whole, "keyframe_features") + part(whole, "keyframe_images");
   settings.mapping.keyframe_bytes = needed / 2;
   Slam<FeatureAverage<>> bounded(room.camera(), settings);
-  run(bounded);
+  map_small_room(bounded);
   REQUIRE(bounded.keyframes().size() == whole.keyframes().size());
   CHECK(part(bounded, "keyframe_features") + part(bounded, "keyframe_images") <= needed / 2);
   CHECK(!bounded.keyframes().back().features.empty());

@@ -61,7 +61,8 @@ class Warp {
   [[nodiscard]] LANGGS_INLINE Varying<float> load_channels(const T* base, int count) const {
     if (count < kLanes) {
       alignas(64) T lanes[kLanes] = {};
-      for (int i = 0; i < count; ++i) lanes[i] = base[i];
+      for (int i = 0; i < kLanes; ++i)  // not up to count: GCC 12 cannot tell that it is less
+        if (i < count) lanes[i] = base[i];
       return whole_channels(lanes);
     }
     return whole_channels(base);
@@ -72,7 +73,8 @@ class Warp {
     if (count < kLanes) {
       alignas(64) T lanes[kLanes];
       put_channels(lanes, v);
-      for (int i = 0; i < count; ++i) base[i] = lanes[i];
+      for (int i = 0; i < kLanes; ++i)
+        if (i < count) base[i] = lanes[i];
     } else {
       put_channels(base, v);
     }
