@@ -10,29 +10,29 @@ using namespace langgs;
 
 namespace {
 
-constexpr int kDim = 8, kImageBytes = 10 * 6 * (3 + 4), kFeatureBytes = 5 * 3 * (2 * kDim + 1);
+constexpr int kStoredDim = 8, kImageBytes = 10 * 6 * (3 + 4), kFeatureBytes = 5 * 3 * (2 * kStoredDim + 1);
 
-Keyframe<kDim> keyframe(int index, bool with_features = true) {
-  Keyframe<kDim> k;
+Keyframe<kStoredDim> keyframe(int index, bool with_features = true) {
+  Keyframe<kStoredDim> k;
   k.frame_index = index;
   k.T_world_camera.translation().x() = index;
   k.colour = Image<std::uint8_t>(10, 6, 3);
   k.depth = Image<float>(10, 6);
-  if (with_features) k.features = FeatureMap<kDim>(5, 3);
+  if (with_features) k.features = FeatureMap<kStoredDim>(5, 3);
   return k;
 }
 
 /// What each keyframe holds: F features and images, i images alone, - its pose alone.
-std::string holdings(const KeyframeStore<kDim>& store) {
+std::string holdings(const KeyframeStore<kStoredDim>& store) {
   std::string text;
-  for (const Keyframe<kDim>& k : store.all()) text += !k.has_images() ? '-' : k.features.empty() ? 'i' : 'F';
+  for (const Keyframe<kStoredDim>& k : store.all()) text += !k.has_images() ? '-' : k.features.empty() ? 'i' : 'F';
   return text;
 }
 
 }  // namespace
 
 TEST_CASE("a keyframe store within its budget keeps everything") {
-  KeyframeStore<kDim> store(4 * (kImageBytes + kFeatureBytes));
+  KeyframeStore<kStoredDim> store(4 * (kImageBytes + kFeatureBytes));
   for (int i = 0; i < 4; ++i) store.add(keyframe(i));
   CHECK(holdings(store) == "FFFF");
   CHECK(store.bytes() == 4 * (kImageBytes + kFeatureBytes));
@@ -41,7 +41,7 @@ TEST_CASE("a keyframe store within its budget keeps everything") {
 }
 
 TEST_CASE("beyond the budget feature maps go first, those of the most visited keyframe, the oldest of equals") {
-  KeyframeStore<kDim> store(4 * (kImageBytes + kFeatureBytes));
+  KeyframeStore<kStoredDim> store(4 * (kImageBytes + kFeatureBytes));
   for (int i = 0; i < 4; ++i) store.add(keyframe(i));
   store[0].visits = 3;
   store[1].visits = 5;
@@ -53,7 +53,7 @@ TEST_CASE("beyond the budget feature maps go first, those of the most visited ke
 }
 
 TEST_CASE("images go when no feature map is left, and never the newest keyframe's") {
-  KeyframeStore<kDim> store(2 * kImageBytes + kFeatureBytes);
+  KeyframeStore<kStoredDim> store(2 * kImageBytes + kFeatureBytes);
   for (int i = 0; i < 50; ++i) {
     store.add(keyframe(i));
     store[i].visits = 50 - i;
@@ -61,7 +61,7 @@ TEST_CASE("images go when no feature map is left, and never the newest keyframe'
     REQUIRE(!store[i].features.empty());
     REQUIRE(store.bytes() <= 2 * kImageBytes + kFeatureBytes);
     std::size_t bytes = 0;
-    for (const Keyframe<kDim>& k : store.all()) bytes += k.bytes();
+    for (const Keyframe<kStoredDim>& k : store.all()) bytes += k.bytes();
     REQUIRE(store.bytes() == bytes);
     REQUIRE(store.trainable().back() == i);
     REQUIRE(store[i].T_world_camera.translation().x() == i);  // poses stay
@@ -71,7 +71,7 @@ TEST_CASE("images go when no feature map is left, and never the newest keyframe'
 }
 
 TEST_CASE("a budget smaller than one keyframe keeps the newest") {
-  KeyframeStore<kDim> store(1);
+  KeyframeStore<kStoredDim> store(1);
   for (int i = 0; i < 3; ++i) store.add(keyframe(i, i != 1));
   CHECK(holdings(store) == "--F");
 }
