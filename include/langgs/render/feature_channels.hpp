@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "langgs/device/block.hpp"
+#include "langgs/device/math.hpp"
 
 namespace langgs {
 
