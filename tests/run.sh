@@ -127,7 +127,7 @@ fi
 if ((!quick)) && [[ -n ${LANGGS_CUDA_LAUNCHER:-} || -e /dev/nvidia0 ]] && compgen -G "tests/cuda/*_test.cu" >/dev/null; then
   if build cuda test_cuda "${common[@]}" -DCMAKE_BUILD_TYPE=Release -DLANGGS_ENABLE_CUDA=ON \
       -DLANGGS_CUDA_LAUNCHER="${LANGGS_CUDA_LAUNCHER:-}"; then
-    run_ctest cuda -R '^cuda\.run'
+    run_ctest cuda -R '^cuda\.(run|slam)'
   fi
 fi
 
