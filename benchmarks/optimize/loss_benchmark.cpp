@@ -56,7 +56,7 @@ void selective_adam(benchmark::State& state) {
   langgs::MapGradient<Host> gradient;
   const auto upstream = random_numbers(4 * static_cast<std::size_t>(scene.camera.num_pixels()), 5, -0.5f);
   rasterizer.render(executor, map.geometry(), view);
-  rasterizer.backward(executor, map.geometry(), view,
+  rasterizer.backward(executor, map.geometry(),
                       {upstream.data(), upstream.data() + 3 * static_cast<std::size_t>(scene.camera.num_pixels())},
                       gradient);
   const langgs::SelectiveAdam<Host> adam;

@@ -51,7 +51,7 @@ struct Stages {
   }
   void backward(const Workload& work, const View& view) {
     const int pixels = view.camera.num_pixels();
-    rasterizer.backward(executor, work.map.geometry(), view, {upstream.data(), upstream.data() + 3 * pixels}, gradient);
+    rasterizer.backward(executor, work.map.geometry(), {upstream.data(), upstream.data() + 3 * pixels}, gradient);
   }
 };
 
@@ -130,7 +130,7 @@ struct TileStages {
                         {upstream.data(), upstream.data() + 3 * n},
                         slot_sums.data()});
   }
-  void gradient() { map_gradient.from_slot_sums(executor, work.map.geometry(), view(), splats, slot_sums.data()); }
+  void gradient() { map_gradient.from_slot_sums(executor, work.map.geometry(), splats, slot_sums.data()); }
 };
 template <void (TileStages::*kStage)()>
 void tile_stage(benchmark::State& state, const Workload& work) {

@@ -37,26 +37,26 @@ template void launch(const Executor<Cuda>&, int, const detail::AverageUpdate<512
 template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, float>&);
 template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, Half>&);
 template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 10, Half>&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::ScatterSlopes&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::ScatterSlopes&);
 
 template void launch(const Executor<Cuda>&, int, const detail::ColourKernel&);
 template void launch(const Executor<Cuda>&, int, const detail::DepthL1&);
 template void launch(const Executor<Cuda>&, int, const detail::AdamUpdate&);
 
-template void for_each_lanes(const Executor<Cuda>&, int, const ProjectGaussians&);
-template void for_each_lanes(const Executor<Cuda>&, int, const CountTiles&);
-template void for_each_lanes(const Executor<Cuda>&, int, const PackSplats&);
-template void for_each_lanes(const Executor<Cuda>&, int, const EmitInstances&);
-template void for_each_lanes(const Executor<Cuda>&, int, const GatherGradient&);
-template void for_each_n(const Executor<Cuda>&, int, const EndSlots&);
-template void for_each_n(const Executor<Cuda>&, int, const ReduceStatistics&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::TakeValues&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::TakeRows<Half>&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::UnpackTarget&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::CollectStatistics&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::ScorePrompts<512, Half>&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::PickLabel&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::FindGroups<KeyValue>&);
-template void for_each_n(const Executor<Cuda>&, int, const detail::FindGroups<std::uint32_t>&);
+template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const ProjectGaussians&);
+template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const CountTiles&);
+template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const PackSplats&);
+template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const EmitInstances&);
+template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const GatherGradient&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const EndSlots&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const ReduceStatistics&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::TakeValues&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::TakeRows<Half>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::UnpackTarget&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CollectStatistics&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::ScorePrompts<512, Half>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::PickLabel&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FindGroups<KeyValue>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FindGroups<std::uint32_t>&);
 
 }  // namespace langgs

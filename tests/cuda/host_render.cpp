@@ -66,7 +66,7 @@ HostRender render_on_host(int width, int height, int num_gaussians, std::uint64_
   host.target = copy(target.data(), 4 * n);
   host.upstream = copy(upstream.data(), 4 * n);
   MapGradient<Host> gradient;
-  rasterizer.backward(executor, map.geometry(), host.view, {upstream.data(), upstream.data() + 3 * n}, gradient);
+  rasterizer.backward(executor, map.geometry(), {upstream.data(), upstream.data() + 3 * n}, gradient);
   host.gradient = dense(gradient.planes());
   host.pose = copy(gradient.pose().data(), 6);
   return host;

@@ -149,8 +149,8 @@ TEST_CASE("Gradients and the step of Adam on CUDA equal the host's") {
   MapGradient<Cuda> gradient;
   CHECK(gradient.pose() == Twist::Zero());
   bench.rasterizer.render(bench.executor, bench.map(), host.view, false);
-  bench.rasterizer.backward(bench.executor, bench.map(), host.view,
-                            {bench.upstream.data(), bench.upstream.data() + 3 * n}, gradient);
+  bench.rasterizer.backward(bench.executor, bench.map(), {bench.upstream.data(), bench.upstream.data() + 3 * n},
+                            gradient);
   const int size = gradient.size();
   REQUIRE(size == static_cast<int>(host.splats.size()));
   std::vector<std::vector<float>> columns;
@@ -202,7 +202,7 @@ TEST_CASE("Once the views are known, a step takes no device memory and the same 
     const RenderPlanes rendered = bench.rasterizer.rendered();
     loss.start(bench.executor, {rendered.colour, rendered.depth, width, height},
                {bench.target.data(), bench.target.data() + 3 * n, width, height}, {up.data(), up.data() + 3 * n});
-    bench.rasterizer.backward(bench.executor, bench.map(), host.view, {up.data(), up.data() + 3 * n}, gradient);
+    bench.rasterizer.backward(bench.executor, bench.map(), {up.data(), up.data() + 3 * n}, gradient);
     return bench.fetch(gradient.planes().plane(0), gradient.size());
   };
   const std::vector<float> once = step();
@@ -211,6 +211,56 @@ TEST_CASE("Once the views are known, a step takes no device memory and the same 
   CHECK(step() == once);
   CHECK(gradient.pose() == pose);
   CHECK(bench.memory->allocations == allocations);
+}
+
+TEST_CASE("A view that has no room is empty and learns nothing; rendered again it is that of a render that waits") {
+  Bench bench;
+  const std::size_t n = bench.num_pixels();
+  const HostRender& host = bench.host;
+  const RenderGradient upstream{bench.upstream.data(), bench.upstream.data() + 3 * n};
+  MapGradient<Cuda> gradient;
+  bench.rasterizer.render(bench.executor, bench.map(), host.view);
+  bench.rasterizer.backward(bench.executor, bench.map(), upstream, gradient);
+  const std::vector<float> planes = bench.fetch(bench.rasterizer.rendered().colour, 5 * n);
+  const std::vector<float> columns = bench.fetch(gradient.planes().plane(kOpacityLogit), gradient.size());
+  const Twist pose = gradient.pose();
+
+  TopKRasterizer<kTestK, Cuda> other;
+  const auto draw = [&] {
+    other.draw(bench.executor, bench.map());
+    other.backward(bench.executor, bench.map(), upstream, gradient);
+  };
+  FloatBuffer first(bench.executor, host.map.size()), second(bench.executor, host.map.size());
+  first.fill(bench.executor, 0.f);
+  second.fill(bench.executor, 0.f);
+  other.project(bench.executor, bench.map(), host.view);
+  draw();
+  SelectiveAdam<Cuda>().step(bench.executor,
+                             {bench.map(), {first.data(), host.size, host.size}, {second.data(), host.size, host.size}},
+                             gradient);
+  CHECK(bench.fetch(other.rendered().colour, 4 * n) == std::vector<float>(4 * n, 0.f));
+  CHECK(bench.fetch(bench.map_memory.data(), host.map.size()) == host.map);
+  CHECK(gradient.pose() == Twist::Zero());
+  REQUIRE(!other.fits());
+  const auto check_again = [&] {
+    CHECK(bench.fetch(other.rendered().colour, 5 * n) == planes);
+    std::vector<float> got = bench.fetch(gradient.planes().plane(kOpacityLogit), gradient.size());
+    got.resize(columns.size());
+    CHECK(got == columns);
+    CHECK(gradient.pose() == pose);
+  };
+  draw();
+  CHECK(gradient.size() == static_cast<int>(columns.size()));
+  check_again();
+  // In more room than there are splats, and nobody waits.
+  const int waits = bench.executor.num_waits();
+  other.project(bench.executor, bench.map(), host.view);
+  draw();
+  CHECK(gradient.size() > static_cast<int>(columns.size()));
+  CHECK(bench.executor.num_waits() == waits);
+  CHECK(other.fits());
+  CHECK(bench.executor.num_waits() == waits);
+  check_again();
 }
 
 TEST_CASE("What follows a render can be captured in a graph: nothing of it waits") {
@@ -230,7 +280,7 @@ TEST_CASE("What follows a render can be captured in a graph: nothing of it waits
     const RenderPlanes rendered = bench.rasterizer.rendered();
     loss.start(bench.executor, {rendered.colour, rendered.depth, width, height},
                {bench.target.data(), bench.target.data() + 3 * n, width, height}, {up.data(), up.data() + 3 * n});
-    bench.rasterizer.backward(bench.executor, bench.map(), host.view, {up.data(), up.data() + 3 * n}, gradient);
+    bench.rasterizer.backward(bench.executor, bench.map(), {up.data(), up.data() + 3 * n}, gradient);
     SelectiveAdam<Cuda>().step(bench.executor, adam, gradient);
   };
   learn();

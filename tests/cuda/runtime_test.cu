@@ -13,6 +13,7 @@
 #include "langgs/cuda/profile_range.hpp"
 #include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
+#include "langgs/device/replay.hpp"
 
 namespace langgs {
 namespace {
@@ -111,6 +112,37 @@ TEST_CASE("A graph repeats what it captured, and what is thrown meanwhile ends t
   executor.synchronize();
   CHECK(values.values()[299] == 4);
   CHECK_THROWS_WITH_AS(gpu::Graph(Executor<Cuda>(), [] {}), doctest::Contains("capture"), DeviceError);
+}
+
+TEST_CASE("Work that is replayed is done once, captured once and then launched, until its arguments change") {
+  Executor<Cuda> executor{gpu::Stream{}};
+  DeviceArray<int> values(std::vector<int>(300, 0));
+  Replay<int, Cuda> replay;
+  int calls = 0;
+  const auto add = [&](int n) {
+    replay(executor, n, [&] {
+      ++calls;
+      (void)executor.workspace(static_cast<std::size_t>(n));
+      for_each_n(executor, n, AddOne{values.data()});
+    });
+  };
+  for (int i = 0; i < 4; ++i) add(300);
+  CHECK(calls == 2);
+  for (int i = 0; i < 3; ++i) add(100);
+  CHECK(calls == 4);
+  (void)executor.workspace(1 << 20);  // what the graph knows has moved
+  for (int i = 0; i < 3; ++i) add(100);
+  CHECK(calls == 6);
+  executor.set_launch_checks(LaunchChecks::after_each_launch);  // waits, which a capture must not
+  add(100);
+  CHECK(calls == 7);
+  executor.synchronize();
+  CHECK(values.values()[99] == 11);
+  CHECK(values.values()[299] == 4);
+
+  const Executor<Cuda> of_default_stream;
+  for (int i = 0; i < 3; ++i) replay(of_default_stream, 1, [&] { ++calls; });
+  CHECK(calls == 10);
 }
 
 TEST_CASE("Errors name the call, the error and the remedy") {

@@ -57,7 +57,7 @@ class Bench {
     const View view = scene.view();
     rasterizer.render(executor, map.geometry(), view);
     const float* base = upstream.data();
-    rasterizer.backward(executor, map.geometry(), view, {base, base + 3 * scene.camera.num_pixels()}, gradient);
+    rasterizer.backward(executor, map.geometry(), {base, base + 3 * scene.camera.num_pixels()}, gradient);
   }
   void step() {
     compute_gradient();

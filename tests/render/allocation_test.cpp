@@ -55,7 +55,7 @@ TEST_CASE("rendering, its loss, the backward pass and Adam allocate nothing once
               {rasterizer.rendered().colour, rasterizer.rendered().depth, view.camera.width, view.camera.height},
               {target.data(), target.data() + 3 * n, view.camera.width, view.camera.height},
               {upstream.data(), upstream.data() + 3 * n});
-          rasterizer.backward(executor, map.geometry(), view, {upstream.data(), upstream.data() + 3 * n}, gradient);
+          rasterizer.backward(executor, map.geometry(), {upstream.data(), upstream.data() + 3 * n}, gradient);
           adam.step(executor, map, gradient);
         }
     };

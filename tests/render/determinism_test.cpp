@@ -23,7 +23,7 @@ std::vector<float> everything(const Executor<Backend>& executor, const test::Ren
   TopKRasterizer<kK, Backend> rasterizer;
   rasterizer.render(executor, map.geometry(), scene.view());
   MapGradient<Backend> gradient;
-  rasterizer.backward(executor, map.geometry(), scene.view(), {upstream.data(), upstream.data() + 3 * n}, gradient);
+  rasterizer.backward(executor, map.geometry(), {upstream.data(), upstream.data() + 3 * n}, gradient);
 
   const auto append = [&](const auto* values, int count) {
     for (int i = 0; i < count; ++i) result.push_back(static_cast<float>(values[i]));

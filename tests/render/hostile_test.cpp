@@ -32,7 +32,7 @@ void check_finite(const GaussianMap<1>& map, const RenderScene& scene, const std
   const int n = scene.camera.num_pixels();
   const std::vector<float> ones(3 * n, 1.f);
   MapGradient<Host> gradient;
-  rasterizer.backward(executor, map.geometry(), scene.view(), {ones.data(), ones.data()}, gradient);
+  rasterizer.backward(executor, map.geometry(), {ones.data(), ones.data()}, gradient);
   INFO(what);
   CHECK(count_not_finite(rasterizer.rendered().colour, 5 * n) == 0);
   CHECK(count_not_finite(rasterizer.topk_weight(), 3 * n) == 0);

@@ -42,7 +42,7 @@ struct WeightedRender {
   }
   template <class WeightGradient>
   [[nodiscard]] KernelGradient backward(const WeightGradient& weight_gradient) {
-    rasterizer.backward(executor, map.geometry(), scene.view(), on_planes(), gradient, weight_gradient);
+    rasterizer.backward(executor, map.geometry(), on_planes(), gradient, weight_gradient);
     return {executor, gradient, scene.gaussians.size()};
   }
 
@@ -147,7 +147,7 @@ TEST_CASE("no weight gradient is the default, and a gradient of zeros adds nothi
   WeightedRender<3> r(executor, scene);
   for (std::size_t i = 0; i < r.upstream.size(); ++i)
     r.upstream[i] = static_cast<float>(CounterRng{33, 0}.normal(static_cast<std::uint64_t>(i)));
-  r.rasterizer.backward(executor, r.map.geometry(), scene.view(), r.on_planes(), r.gradient);
+  r.rasterizer.backward(executor, r.map.geometry(), r.on_planes(), r.gradient);
   const KernelGradient standard(executor, r.gradient, scene.gaussians.size());
   const KernelGradient none = r.backward(NoWeightGradient{});
   CHECK(standard.gaussians == none.gaussians);

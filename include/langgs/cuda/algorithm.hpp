@@ -6,7 +6,6 @@
 #include <thrust/iterator/transform_iterator.h>
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -18,6 +17,7 @@
 #include "langgs/cuda/buffer.hpp"
 #include "langgs/cuda/copy.hpp"
 #include "langgs/device/key_value.hpp"
+#include "langgs/device/list_size.hpp"
 
 /// @file The CUDA twin of host/algorithm.hpp, by CUB. Templates, so that a file which calls none of them does not
 /// compile CUB's kernels. All pointers are to device memory. What returns a number waits for the stream; nothing else
@@ -63,12 +63,16 @@ struct PutOffset {
 
 struct SizeOfGroup {
   const std::int32_t *which, *begin;
-  LANGGS_HD std::int32_t operator()(int i) const { return begin[which[i] + 1] - begin[which[i]]; }
+  ListSize size;
+  LANGGS_HD std::int32_t operator()(int i) const { return i < size.get() ? begin[which[i] + 1] - begin[which[i]] : 0; }
 };
 struct PutGroupOffset {
   const std::int32_t* which;
   std::int32_t* offsets;
-  LANGGS_HD void operator()(std::int64_t i, std::int32_t sum) const { offsets[which[i]] = sum; }
+  ListSize size;
+  LANGGS_HD void operator()(std::int64_t i, std::int32_t sum) const {
+    if (i < size.get()) offsets[which[i]] = sum;
+  }
 };
 
 struct ToDouble {
@@ -78,9 +82,11 @@ struct ToDouble {
 struct RowPiece {
   static constexpr int kSize = 4096;
   std::ptrdiff_t stride;
-  int n, pieces, shift;  ///< shift: 0 for the begin, 1 for the end
+  ListSize size;
+  int pieces, shift;  ///< shift: 0 for the begin, 1 for the end
   LANGGS_HD std::ptrdiff_t operator()(int piece) const {
     const std::int64_t first = (piece % pieces + shift) * static_cast<std::int64_t>(kSize);
+    const int n = size.get();
     return piece / pieces * stride + (first < n ? first : n);
   }
 };
@@ -117,6 +123,17 @@ struct TakeValues {
   LANGGS_HD void operator()(int i) const { values[i] = pairs[i].value; }
 };
 
+/// Gives what follows the last element of a list a key that is larger than any, so that it stays behind when sorted.
+template <class Item>
+struct EndList {
+  ListSize size;
+  Item* items;
+  Item largest;
+  LANGGS_HD void operator()(int i) const {
+    if (i >= size.get()) items[i] = largest;
+  }
+};
+
 /// Bits of the keys 0 .. num_keys - 1, at least one.
 [[nodiscard]] inline int key_bits(int num_keys) {
   return std::max(1, static_cast<int>(std::bit_width(static_cast<unsigned>(num_keys - 1))));
@@ -130,9 +147,11 @@ template <class Function>
 }  // namespace detail
 
 template <detail::CudaBackend Backend>
-void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::int32_t* values, int n,
+void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::int32_t* values, const ListSize& size,
                  SortScratch<Cuda>&) {
+  const int n = size.most;
   if (n == 0) return;
+  if (size.exact != nullptr) for_each_n(executor, n, detail::EndList<std::uint32_t>{size, keys, UINT32_MAX});
   const std::size_t bytes = static_cast<std::size_t>(n) * 4, part = detail::part_bytes(bytes);
   cub::DoubleBuffer<std::uint32_t> sorted_keys;
   cub::DoubleBuffer<std::int32_t> sorted_values;
@@ -151,41 +170,45 @@ void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::in
   bring(values, sorted_values.Current());
 }
 
-/// Waits for the stream, once for all.
-template <detail::CudaBackend Backend, std::size_t N>
-std::array<int, N> exclusive_scans(const Executor<Backend>& executor, const CountsAndOffsets (&scans)[N], int n) {
-  const std::int64_t* totals = nullptr;
-  for (std::size_t s = 0; s < N; ++s)
-    totals = reinterpret_cast<const std::int64_t*>(detail::run_cub(
-        executor, "exclusive_scan", N * sizeof(std::int64_t),
-        [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
-          const detail::PutOffset put{scans[s].offsets, reinterpret_cast<std::int64_t*>(own) + s, n};
-          return cub::DeviceScan::ExclusiveSum(temporary, temporary_bytes,
-                                               detail::indexed(detail::CountOrZero{scans[s].counts, n}),
-                                               thrust::make_tabulate_output_iterator(put), n + 1, executor.stream());
-        }));
-  std::int64_t sums[N];
-  copy_to_host(executor, totals, N, sums);
-  std::array<int, N> result;
-  for (std::size_t s = 0; s < N; ++s) {
-    if (sums[s] > INT32_MAX) detail::raise<Error>("more than 2^31 items in a scan; render fewer Gaussians at once");
-    result[s] = static_cast<int>(sums[s]);
-  }
-  return result;
+namespace detail {
+
+/// An exclusive scan, for whose total nobody waits: it is left at `total`, or where that is null in the workspace.
+/// Returns where.
+template <CudaBackend Backend>
+const std::int64_t* start_scan(const Executor<Backend>& executor, const CountsAndOffsets& scan, int n,
+                               std::int64_t* total = nullptr) {
+  const auto place = [&](std::byte* own) { return total != nullptr ? total : reinterpret_cast<std::int64_t*>(own); };
+  return place(run_cub(executor, "exclusive_scan", sizeof(std::int64_t),
+                       [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
+                         return cub::DeviceScan::ExclusiveSum(
+                             temporary, temporary_bytes, indexed(CountOrZero{scan.counts, n}),
+                             thrust::make_tabulate_output_iterator(PutOffset{scan.offsets, place(own), n}), n + 1,
+                             executor.stream());
+                       }));
 }
+[[nodiscard]] inline int checked_total(std::int64_t total) {
+  if (total > INT32_MAX) raise<Error>("more than 2^31 items in a scan; render fewer Gaussians at once");
+  return static_cast<int>(total);
+}
+
+}  // namespace detail
+
 /// Waits for the stream.
 template <detail::CudaBackend Backend>
 int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts, std::int32_t* offsets, int n) {
-  return exclusive_scans(executor, {{counts, offsets}}, n)[0];
+  std::int64_t total = 0;
+  copy_to_host(executor, detail::start_scan(executor, {counts, offsets}, n), 1, &total);
+  return detail::checked_total(total);
 }
 
 template <detail::CudaBackend Backend>
 void scan_in_order(const Executor<Backend>& executor, const std::int32_t* which, const std::int32_t* begin,
-                   std::int32_t* offsets, int n) {
+                   std::int32_t* offsets, const ListSize& size) {
   detail::run_cub(executor, "scan_in_order", 0, [&](void* temporary, std::size_t& temporary_bytes, std::byte*) {
-    return cub::DeviceScan::ExclusiveSum(temporary, temporary_bytes, detail::indexed(detail::SizeOfGroup{which, begin}),
-                                         thrust::make_tabulate_output_iterator(detail::PutGroupOffset{which, offsets}),
-                                         n, executor.stream());
+    return cub::DeviceScan::ExclusiveSum(
+        temporary, temporary_bytes, detail::indexed(detail::SizeOfGroup{which, begin, size}),
+        thrust::make_tabulate_output_iterator(detail::PutGroupOffset{which, offsets, size}), size.most,
+        executor.stream());
   });
 }
 
@@ -205,9 +228,9 @@ int select_flagged(const Executor<Backend>& executor, const std::int32_t* flags,
 
 /// Long rows are summed piece by piece, and then the pieces.
 template <detail::CudaBackend Backend>
-void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, int n, int num_rows,
-              double* sums) {
-  const int pieces = std::max(1, (n + detail::RowPiece::kSize - 1) / detail::RowPiece::kSize);
+void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, const ListSize& size,
+              int num_rows, double* sums) {
+  const int pieces = std::max(1, (size.most + detail::RowPiece::kSize - 1) / detail::RowPiece::kSize);
   const auto values = thrust::make_transform_iterator(rows, detail::ToDouble{});
   detail::run_cub(executor, "sum_rows", static_cast<std::size_t>(pieces) * num_rows * sizeof(double),
                   [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
@@ -215,8 +238,8 @@ void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff
                     std::size_t first_bytes = temporary_bytes, second_bytes = temporary_bytes;
                     const cudaError_t status = cub::DeviceSegmentedReduce::Sum(
                         temporary, first_bytes, values, parts, pieces * num_rows,
-                        detail::indexed(detail::RowPiece{stride, n, pieces, 0}),
-                        detail::indexed(detail::RowPiece{stride, n, pieces, 1}), executor.stream());
+                        detail::indexed(detail::RowPiece{stride, size, pieces, 0}),
+                        detail::indexed(detail::RowPiece{stride, size, pieces, 1}), executor.stream());
                     if (status != cudaSuccess) return status;
                     const auto begin = detail::indexed(detail::TimesPieces{pieces});
                     const cudaError_t second = cub::DeviceSegmentedReduce::Sum(
@@ -241,20 +264,25 @@ void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, 
 }
 
 template <detail::CudaBackend Backend>
-void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, int n, std::int32_t* grouped,
+void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, const ListSize& size, std::int32_t* grouped,
                   Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+  const int n = size.most;
   // A pair is sorted as one number, by the bits of its key, which are its lowest.
   static_assert(sizeof(KeyValue) == sizeof(std::uint64_t) && offsetof(KeyValue, key) == 0);
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
+  // One key more than there are groups, for what follows the last pair.
+  if (size.exact != nullptr)
+    for_each_n(executor, n, detail::EndList<KeyValue>{size, pairs, {static_cast<std::uint32_t>(num_keys), 0}});
+  const int bits = detail::key_bits(size.exact != nullptr ? num_keys + 1 : num_keys);
   cub::DoubleBuffer<std::uint64_t> sorted;
   detail::run_cub(executor, "group_by_key", static_cast<std::size_t>(n) * sizeof(KeyValue),
                   [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
                     sorted = {reinterpret_cast<std::uint64_t*>(pairs), reinterpret_cast<std::uint64_t*>(own)};
-                    return cub::DeviceRadixSort::SortKeys(temporary, temporary_bytes, sorted, n, 0,
-                                                          detail::key_bits(num_keys), executor.stream());
+                    return cub::DeviceRadixSort::SortKeys(temporary, temporary_bytes, sorted, n, 0, bits,
+                                                          executor.stream());
                   });
   const auto* const result = reinterpret_cast<const KeyValue*>(sorted.Current());
-  for_each_n(executor, n, detail::TakeValues{result, grouped});
+  for_each_n(executor, size, detail::TakeValues{result, grouped});
   for_each_n(executor, num_keys + 1, detail::FindGroups<KeyValue>{result, n, offsets.data()});
 }
 

@@ -56,8 +56,26 @@ class Executor<Cuda> {
   [[nodiscard]] const std::shared_ptr<gpu::DeviceMemory>& memory() const { return shared_->memory; }
   /// Waits for everything on the stream; throws DeviceError if any of it failed.
   void synchronize() const {
+    ++shared_->num_waits;
     detail::check_cuda(cudaStreamSynchronize(stream()), "waiting for a CUDA stream whose last launch was ",
                        shared_->last_launch());
+  }
+  /// Waits for what was on the stream when `event` was recorded; throws DeviceError if any of it failed.
+  void wait(const gpu::Event& event) const {
+    detail::check_cuda(cudaEventSynchronize(event.get()), "waiting for part of a CUDA stream whose last launch was ",
+                       shared_->last_launch());
+  }
+  /// How often `synchronize` has been called: each time the device ran out of work.
+  [[nodiscard]] int num_waits() const { return shared_->num_waits; }
+  /// Whether what is put on the stream can be recorded for a graph.
+  [[nodiscard]] bool can_capture() const {
+    return stream() != nullptr && stream() != cudaStreamLegacy && shared_->checks == LaunchChecks::at_synchronize;
+  }
+  /// Whether it is being recorded now.
+  [[nodiscard]] bool is_capturing() const {
+    cudaStreamCaptureStatus status = cudaStreamCaptureStatusNone;
+    detail::check_cuda(cudaStreamIsCapturing(stream(), &status), "asking whether a stream is captured");
+    return status == cudaStreamCaptureStatusActive;
   }
 
   /// Makes the executor's device that of the calling thread: to be said by another thread before it uses the executor.
@@ -112,7 +130,7 @@ class Executor<Cuda> {
     std::size_t workspace_bytes = 0;
     LaunchChecks checks = LaunchChecks::at_synchronize;
     std::string (*name)() = nullptr;
-    int num_blocks = 0, num_threads = 0;
+    int num_blocks = 0, num_threads = 0, num_waits = 0;
   };
   std::shared_ptr<Shared> shared_;
 };

@@ -118,8 +118,8 @@ class Download<T, Cuda> {
 template <class T, class Backend>
 class Readback;
 
-/// Copies into page-locked memory in stream order. May be captured in a graph: then `values` are those of its last
-/// launch on the executor.
+/// Copies into page-locked memory in stream order. May be captured in a graph: from then on `values` are those of the
+/// last launch on the executor, and since nobody says when that was, they wait for the whole stream.
 template <class T>
 class Readback<T, Cuda> {
  public:
@@ -136,28 +136,39 @@ class Readback<T, Cuda> {
   void swap(Readback& other) noexcept {
     executor_.swap(other.executor_);
     values_.swap(other.values_);
+    copied_.swap(other.copied_);
+    std::swap(is_captured_, other.is_captured_);
   }
 
   void start(const Executor<Cuda>& executor, const T* from, std::size_t n) {
-    if (n > values_.size()) synchronize();  // a copy into the memory that is about to go may be under way
+    if (n > values_.size()) wait();  // a copy into the memory that is about to go may be under way
     if (n != values_.size()) values_.resize_discard(n);
     executor_ = executor;
     detail::check_cuda(cudaMemcpyAsync(values_.data(), from, n * sizeof(T), cudaMemcpyDeviceToHost, executor.stream()),
                        "copying ", n * sizeof(T), " bytes to the host");
+    is_captured_ = is_captured_ || executor.is_capturing();
+    if (is_captured_) return;
+    if (!copied_) copied_.emplace();
+    copied_->record(executor.stream());
   }
   [[nodiscard]] std::size_t size() const { return values_.size(); }
-  /// Waits for the executor's stream. Throws DeviceError if its work failed.
+  /// Waits for the copy, and not for what came after it. Throws DeviceError if work before it failed.
   [[nodiscard]] const T* values() const {
-    synchronize();
+    wait();
     return values_.data();
   }
 
  private:
-  void synchronize() const {
-    if (executor_) executor_->synchronize();
+  void wait() const {
+    if (is_captured_)
+      executor_->synchronize();
+    else if (copied_)
+      executor_->wait(*copied_);
   }
   std::optional<Executor<Cuda>> executor_;
   gpu::PinnedBuffer<T> values_;
+  std::optional<gpu::Event> copied_;
+  bool is_captured_ = false;
 };
 
 }  // namespace langgs

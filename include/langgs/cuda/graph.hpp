@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+
 #include "langgs/cuda/backend.hpp"
 
 namespace langgs::gpu {
@@ -42,3 +44,37 @@ class Graph {
 };
 
 }  // namespace langgs::gpu
+
+namespace langgs {
+
+template <class Arguments, class Backend>
+class Replay;
+
+/// The CUDA twin of device/replay.hpp. Work is done as it is when the arguments are new, which also lets buffers grow;
+/// the second time it is captured, and from then on launched as one graph.
+template <class Arguments>
+class Replay<Arguments, Cuda> {
+ public:
+  template <class Work>
+  void operator()(const Executor<Cuda>& executor, const Arguments& arguments, const Work& work) {
+    const bool is_known = known_ && known_->arguments == arguments && known_->workspace == executor.workspace(0);
+    if (!is_known || !executor.can_capture()) {
+      graph_.reset();
+      work();
+      known_ = Known{arguments, executor.workspace(0)};
+      return;
+    }
+    if (!graph_) graph_.emplace(executor, work);
+    graph_->launch(executor);
+  }
+
+ private:
+  struct Known {
+    Arguments arguments;
+    void* workspace;  ///< what work by others makes grow moves
+  };
+  std::optional<Known> known_;
+  std::optional<gpu::Graph> graph_;
+};
+
+}  // namespace langgs

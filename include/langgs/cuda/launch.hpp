@@ -7,6 +7,7 @@
 
 #include "langgs/cuda/backend.hpp"
 #include "langgs/cuda/block.hpp"
+#include "langgs/device/list_size.hpp"
 
 namespace langgs {
 namespace detail {
@@ -28,15 +29,15 @@ __global__ void __launch_bounds__(Kernel::kThreads, 1) run_blocks(const Kernel k
 }
 
 template <class Body>
-__global__ void __launch_bounds__(kElementsPerBlock) run_lanes(const Body body, int n) {
+__global__ void __launch_bounds__(kElementsPerBlock) run_lanes(const Body body, const ListSize size) {
   const int i = static_cast<int>(blockIdx.x * kElementsPerBlock + threadIdx.x);
-  if (i < n) body(gpu::Lanes(i));
+  if (i < size.get()) body(gpu::Lanes(i));
 }
 
 template <class Body>
-__global__ void __launch_bounds__(kElementsPerBlock) run_elements(const Body body, int n) {
+__global__ void __launch_bounds__(kElementsPerBlock) run_elements(const Body body, const ListSize size) {
   const int i = static_cast<int>(blockIdx.x * kElementsPerBlock + threadIdx.x);
-  if (i < n) body(i);
+  if (i < size.get()) body(i);
 }
 
 /// The name of T as the compiler spells it.
@@ -76,18 +77,18 @@ void launch(const Executor<Cuda>& executor, int num_blocks, const Kernel& kernel
   detail::launch_cuda<Kernel>(executor, &detail::run_blocks<Kernel>, num_blocks, Kernel::kThreads, kernel);
 }
 
-/// Calls `body(lanes)` for each element of [0, n), one thread an element.
+/// Calls `body(lanes)` for each element of [0, size), one thread an element.
 template <class Body>
-void for_each_lanes(const Executor<Cuda>& executor, int n, const Body& body) {
-  detail::launch_cuda<Body>(executor, &detail::run_lanes<Body>, detail::num_element_blocks(n),
-                            detail::kElementsPerBlock, body, n);
+void for_each_lanes(const Executor<Cuda>& executor, const ListSize& size, const Body& body) {
+  detail::launch_cuda<Body>(executor, &detail::run_lanes<Body>, detail::num_element_blocks(size.most),
+                            detail::kElementsPerBlock, body, size);
 }
 
-/// Calls `body(i)` for each i in [0, n).
+/// Calls `body(i)` for each i in [0, size).
 template <class Body>
-void for_each_n(const Executor<Cuda>& executor, int n, const Body& body) {
-  detail::launch_cuda<Body>(executor, &detail::run_elements<Body>, detail::num_element_blocks(n),
-                            detail::kElementsPerBlock, body, n);
+void for_each_n(const Executor<Cuda>& executor, const ListSize& size, const Body& body) {
+  detail::launch_cuda<Body>(executor, &detail::run_elements<Body>, detail::num_element_blocks(size.most),
+                            detail::kElementsPerBlock, body, size);
 }
 
 }  // namespace langgs

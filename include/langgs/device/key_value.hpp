@@ -19,7 +19,7 @@ struct SortScratch {
   std::vector<std::int32_t> offsets, counts;
 };
 
-/// The arguments of one `exclusive_scans`.
+/// The counts that CountedLists turns into places.
 struct CountsAndOffsets {
   const std::int32_t* counts;  ///< [n]
   std::int32_t* offsets;       ///< [n + 1]

@@ -9,7 +9,6 @@
 #include <thrust/system/cpp/execution_policy.h>
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -20,6 +19,7 @@
 
 #include "langgs/device/buffer.hpp"
 #include "langgs/device/key_value.hpp"
+#include "langgs/device/list_size.hpp"
 #include "langgs/host/backend.hpp"
 #include "langgs/host/launch.hpp"
 
@@ -122,8 +122,9 @@ class PieceAllocator {
 /// Stable ascending sort of `keys` [n] with their `values` [n]. Thrust's sequential sort is a radix sort for integers;
 /// several threads sort ranges of keys, which a counting sort has brought together.
 template <detail::HostBackend Backend>
-void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::int32_t* values, int n,
+void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::int32_t* values, const ListSize& size,
                  SortScratch<Backend>& scratch) {
+  const int n = size.most;
   constexpr int kRangeBits = 8, kWorthRanges = 4096;
   scratch.pairs.resize(static_cast<std::size_t>(n));
   // Thrust asks for as many keys and values as it sorts.
@@ -166,20 +167,13 @@ int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts
              executor, n, [&](int i) { return counts[i]; }, [&](int i, std::int32_t sum) { offsets[i] = sum; });
 }
 
-/// Several of them over the same n, with one wait for all totals where there is a device to wait for.
-template <detail::HostBackend Backend, std::size_t N>
-std::array<int, N> exclusive_scans(const Executor<Backend>& executor, const CountsAndOffsets (&scans)[N], int n) {
-  std::array<int, N> totals;
-  for (std::size_t s = 0; s < N; ++s) totals[s] = exclusive_scan(executor, scans[s].counts, scans[s].offsets, n);
-  return totals;
-}
-
 /// offsets[which[i]] = sum of the sizes of the groups which[j] over j < i, for i in [0, n): the place of each group
 /// when they follow each other in the order of `which`. Group g has begin[g + 1] - begin[g] members. On one thread:
 /// several that write all over `offsets` wait for each other's cache lines, and take twice as long.
 template <detail::HostBackend Backend>
 void scan_in_order(const Executor<Backend>&, const std::int32_t* which, const std::int32_t* begin,
-                   std::int32_t* offsets, int n) {
+                   std::int32_t* offsets, const ListSize& size) {
+  const int n = size.most;
   std::int32_t next = 0;
   for (int i = 0; i < n; ++i) {
     offsets[which[i]] = next;
@@ -201,8 +195,9 @@ int select_flagged(const Executor<Backend>&, const std::int32_t* flags, std::int
 /// sums[r] = the sum of the n values at rows + r * stride, for r in [0, num_rows), in the backend's memory. The order
 /// of the additions depends on n alone.
 template <detail::HostBackend Backend>
-void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, int n, int num_rows,
-              double* sums) {
+void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff_t stride, const ListSize& size,
+              int num_rows, double* sums) {
+  const int n = size.most;
   executor.pool().run(num_rows, [&](int r) {
     constexpr int kPartialSums = 16;  // an addition waits for the one before
     const float* row = rows + r * stride;
@@ -229,8 +224,9 @@ void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, 
 
 /// The same for keys with their values next to them, which may be overwritten.
 template <detail::HostBackend Backend>
-void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, int n, std::int32_t* grouped,
+void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, const ListSize& size, std::int32_t* grouped,
                   Buffer<std::int32_t, Backend>& offsets, int num_keys, SortScratch<Backend>& scratch) {
+  const int n = size.most;
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   detail::group(
       executor, n, num_keys, [&](int i) { return pairs[i].key; },

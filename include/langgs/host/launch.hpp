@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "langgs/device/list_size.hpp"
 #include "langgs/host/backend.hpp"
 #include "langgs/host/block.hpp"
 
@@ -31,9 +32,10 @@ void launch(const Executor<Backend>& executor, int num_blocks, const Kernel& ker
   });
 }
 
-/// Calls `body(lanes)` for consecutive groups of up to 32 elements of [0, n).
+/// Calls `body(lanes)` for consecutive groups of up to 32 elements of [0, size).
 template <class Backend, class Body>
-void for_each_lanes(const Executor<Backend>& executor, int n, const Body& body) {
+void for_each_lanes(const Executor<Backend>& executor, const ListSize& size, const Body& body) {
+  const int n = size.most;
   const int num_tasks = (n + detail::kElementsPerTask - 1) / detail::kElementsPerTask;
   const host::Permutation order = detail::permutation(executor);
   executor.pool().run(num_tasks, [&](int i) {
@@ -44,9 +46,10 @@ void for_each_lanes(const Executor<Backend>& executor, int n, const Body& body) 
   });
 }
 
-/// Calls `body(i)` for each i in [0, n).
+/// Calls `body(i)` for each i in [0, size).
 template <class Backend, class Body>
-void for_each_n(const Executor<Backend>& executor, int n, const Body& body) {
+void for_each_n(const Executor<Backend>& executor, const ListSize& size, const Body& body) {
+  const int n = size.most;
   const int num_tasks = (n + detail::kElementsPerTask - 1) / detail::kElementsPerTask;
   const host::Permutation order = detail::permutation(executor);
   executor.pool().run(num_tasks, [&](int i) {

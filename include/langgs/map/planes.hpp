@@ -35,6 +35,7 @@ struct PlanesView {
   int stride = 0;
   int size = 0;
 
+  friend bool operator==(const PlanesView&, const PlanesView&) = default;
   [[nodiscard]] LANGGS_INLINE float* plane(int p) const { return base + static_cast<std::ptrdiff_t>(p) * stride; }
 };
 

@@ -36,22 +36,24 @@ struct AdamUpdate {
   template <class Block>
   struct Shared {};
   PlanesView parameters, first_moment, second_moment, gradient;
+  ListSize columns;  ///< of the gradient
   const std::int32_t* gaussian;
   AdamRule rule;
   float rate[kNumPlanes];
 
-  [[nodiscard]] LANGGS_INLINE int blocks_per_plane() const { return (gradient.size + kRows - 1) / kRows; }
+  [[nodiscard]] LANGGS_INLINE int blocks_per_plane() const { return (columns.most + kRows - 1) / kRows; }
 
   template <class Block>
   LANGGS_HD void operator()(Block& block, Shared<Block>&) const {
     using V = typename Block::template Varying<float>;
     const int plane = block.index() / blocks_per_plane();
     const int begin = (block.index() - plane * blocks_per_plane()) * kRows;
+    const int size = columns.get();
     float *const parameter = parameters.plane(plane), *const first = first_moment.plane(plane),
                  *const second = second_moment.plane(plane);
     block.warps([&](const auto& warp) {
       for (int i = 0; i < kRows / Block::kWarps; i += 32) {
-        const int column = begin + warp.index() * (kRows / Block::kWarps) + i, left = gradient.size - column;
+        const int column = begin + warp.index() * (kRows / Block::kWarps) + i, left = size - column;
         if (left <= 0) break;
         const V g = warp.load(gradient.plane(plane) + column);
         const auto who = warp.load(gaussian + column);
@@ -98,6 +100,7 @@ class SelectiveAdam {
                               planes.first_moment,
                               planes.second_moment,
                               gradient.planes(),
+                              gradient.columns(),
                               gradient.gaussian(),
                               {rates_.beta1, rates_.beta2, rates_.epsilon},
                               {}};

@@ -112,7 +112,7 @@ struct ScatterSlopes {
 /// through the Top-K weights that a rasteriser recorded. Which Gaussians are among the K is taken as given.
 ///
 ///     const double loss = on_weights.evaluate(executor, rasterizer, grid, features, teacher, lambda);
-///     rasterizer.backward(executor, map, view, upstream, gradient, on_weights.view());
+///     rasterizer.backward(executor, map, upstream, gradient, on_weights.view());
 template <int FeatDim, int K, class Backend = Host>
 class FeatureWeightGradient {
  public:

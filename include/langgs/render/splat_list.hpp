@@ -6,6 +6,7 @@
 
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
+#include "langgs/device/counted_lists.hpp"
 #include "langgs/device/key_value.hpp"
 #include "langgs/device/launch.hpp"
 #include "langgs/render/projection.hpp"
@@ -109,9 +110,11 @@ struct PackSplats {
   std::int32_t* slot_begin;      ///< [V]
   std::uint32_t* depth_key;      ///< [V]
   std::int32_t* order;           ///< [V]
+  ListSize num_splats;           ///< V, or 0 where there is no room for them
 
   template <class Lanes>
   LANGGS_HD void operator()(const Lanes& lanes) const {
+    if (num_splats.get() == 0) return;
     const auto wanted = (lanes.load(visible) != 0) & lanes.active();
     if (!lanes.any(wanted)) return;
     const auto at = [&](ProjectedPlane plane) { return lanes.values(lanes.load(projected + plane * stride)); };
@@ -148,9 +151,11 @@ struct EmitInstances {
   const std::int32_t* emit_begin;  ///< [V] by splat: places of its pairs, in order of depth
   KeyValue* tile_slot;             ///< [I]
   Instance* instance;              ///< [I] by slot
+  ListSize num_instances;          ///< I, or 0 where there is no room for them
 
   template <class Lanes>
   LANGGS_HD void operator()(const Lanes& lanes) const {
+    if (num_instances.get() == 0) return;
     using Int = VaryingOf<std::int32_t, Lanes>;
     const auto wanted = (lanes.load(visible) != 0) & lanes.active();
     if (!lanes.any(wanted)) return;
@@ -182,25 +187,63 @@ struct EmitInstances {
 
 /// Writes what follows the last slot.
 struct EndSlots {
-  std::int32_t* end;
-  std::int32_t num_instances;
-  LANGGS_HD void operator()(int) const { *end = num_instances; }
+  std::int32_t* slot_begin;
+  ListSize num_splats, num_instances;
+  LANGGS_HD void operator()(int) const { slot_begin[num_splats.get()] = num_instances.get(); }
+};
+
+/// Brings a view to the backend's memory, as an argument of a kernel: nothing waits, and nothing must be kept.
+struct PutView {
+  View view;
+  View* to;
+  LANGGS_HD void operator()(int) const { *to = view; }
 };
 
 /// The visible Gaussians of a view as splats, and the tiles that each of them touches, sorted by depth in each tile.
 /// Owns its buffers and reuses them from view to view.
+///
+/// How long the lists are is only known once all Gaussians were projected. `build` waits for it. Who would rather go on
+/// says `count` and `fill`, and asks `fits` when the device has had the time: if the answer is no, the lists were left
+/// empty, and `fill` has the room when it is said again.
 template <class Backend>
 class SplatList {
  public:
   void build(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
+    count(executor, map, view);
+    (void)fits();  // and now they do
+    fill(executor, map);
+  }
+
+  /// Projects every Gaussian and counts the tiles that it reaches.
+  void count(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
     grid_ = TileGrid(view.camera);
-    project(executor, map, view);
+    const int n = map.size;
+    view_.resize_discard(executor, 1);
+    projected_.resize_discard(executor, static_cast<std::size_t>(kNumProjected) * map.stride);
+    for (auto* buffer : {&visible_, &num_tiles_}) buffer->resize_discard(executor, n);
+    for (auto* buffer : {&splat_of_, &slot_of_}) buffer->resize_discard(executor, n + 1);
+    for_each_n(executor, 1, PutView{view, view_.data()});
+    for_each_lanes(executor, n, ProjectGaussians{map, view, projected_.data(), map.stride, visible_.data()});
+    for_each_lanes(executor, n, CountTiles{grid_, projected_.data(), map.stride, visible_.data(), num_tiles_.data()});
+    lists_.scan(executor, {{visible_.data(), splat_of_.data()}, {num_tiles_.data(), slot_of_.data()}}, n);
+  }
+  /// Whether the lists since the last `count` had room; waits for it. Where not, from now on they have.
+  [[nodiscard]] bool fits() { return lists_.fits(); }
+  /// Writes the lists of the last `count`, which was given the same map; waits for nothing.
+  void fill(const Executor<Backend>& executor, const PlanesView& map) {
+    lists_.begin(executor);
+    pack(executor, map);
     sort_into_tiles(executor, map);
   }
 
   [[nodiscard]] const TileGrid& grid() const { return grid_; }
-  [[nodiscard]] int num_splats() const { return num_splats_; }
-  [[nodiscard]] int num_instances() const { return num_instances_; }
+  [[nodiscard]] ListSize splats_size() const { return lists_[0]; }
+  [[nodiscard]] ListSize instances_size() const { return lists_[1]; }
+  /// Exact after `build` and `fits`, until then what there is room for.
+  [[nodiscard]] int num_splats() const { return lists_[0].most; }
+  [[nodiscard]] int num_instances() const { return lists_[1].most; }
+  /// The view, in the backend's memory.
+  [[nodiscard]] const View* view() const { return view_.data(); }
   /// [V] Gaussian of each splat, ascending.
   [[nodiscard]] const std::int32_t* gaussian() const { return gaussian_.data(); }
   /// [V + 1] slots of splat c are slot_begin()[c] .. slot_begin()[c + 1].
@@ -210,42 +253,37 @@ class SplatList {
   }
 
  private:
-  void project(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
-    const int n = map.size;
-    projected_.resize_discard(executor, static_cast<std::size_t>(kNumProjected) * map.stride);
-    for (auto* buffer : {&visible_, &num_tiles_}) buffer->resize_discard(executor, n);
-    for (auto* buffer : {&splat_of_, &slot_of_}) buffer->resize_discard(executor, n + 1);
-    for_each_lanes(executor, n, ProjectGaussians{map, view, projected_.data(), map.stride, visible_.data()});
-    for_each_lanes(executor, n, CountTiles{grid_, projected_.data(), map.stride, visible_.data(), num_tiles_.data()});
-    const auto totals =
-        exclusive_scans(executor, {{visible_.data(), splat_of_.data()}, {num_tiles_.data(), slot_of_.data()}}, n);
-    num_splats_ = totals[0];
-    num_instances_ = totals[1];
-    for (auto* buffer : {&gaussian_, &order_, &emit_begin_}) buffer->resize_discard(executor, num_splats_);
-    splats_.resize_discard(executor, num_splats_);
-    depth_key_.resize_discard(executor, num_splats_);
-    slot_begin_.resize_discard(executor, num_splats_ + 1);
-    for_each_lanes(executor, n,
+  void pack(const Executor<Backend>& executor, const PlanesView& map) {
+    const std::size_t most = num_splats();
+    for (auto* buffer : {&gaussian_, &order_, &emit_begin_}) buffer->resize_discard(executor, most);
+    splats_.resize_discard(executor, most);
+    depth_key_.resize_discard(executor, most);
+    slot_begin_.resize_discard(executor, most + 1);
+    for_each_lanes(executor, map.size,
                    PackSplats{map, projected_.data(), map.stride, visible_.data(), splat_of_.data(), slot_of_.data(),
-                              splats_.data(), gaussian_.data(), slot_begin_.data(), depth_key_.data(), order_.data()});
-    for_each_n(executor, 1, EndSlots{slot_begin_.data() + num_splats_, num_instances_});
+                              splats_.data(), gaussian_.data(), slot_begin_.data(), depth_key_.data(), order_.data(),
+                              splats_size()});
+    for_each_n(executor, 1, EndSlots{slot_begin_.data(), splats_size(), instances_size()});
   }
 
   void sort_into_tiles(const Executor<Backend>& executor, const PlanesView& map) {
-    sort_by_key(executor, depth_key_.data(), order_.data(), num_splats_, scratch_);
-    scan_in_order(executor, order_.data(), slot_begin_.data(), emit_begin_.data(), num_splats_);
-    tile_slot_.resize_discard(executor, num_instances_);
-    sorted_slot_.resize_discard(executor, num_instances_);
-    instance_.resize_discard(executor, num_instances_);
-    for_each_lanes(executor, map.size,
-                   EmitInstances{grid_, projected_.data(), map.stride, visible_.data(), splat_of_.data(),
-                                 slot_of_.data(), emit_begin_.data(), tile_slot_.data(), instance_.data()});
-    group_by_key(executor, tile_slot_.data(), num_instances_, sorted_slot_.data(), tile_begin_, grid_.count(),
+    sort_by_key(executor, depth_key_.data(), order_.data(), splats_size(), scratch_);
+    scan_in_order(executor, order_.data(), slot_begin_.data(), emit_begin_.data(), splats_size());
+    const std::size_t most = num_instances();
+    tile_slot_.resize_discard(executor, most);
+    sorted_slot_.resize_discard(executor, most);
+    instance_.resize_discard(executor, most);
+    for_each_lanes(
+        executor, map.size,
+        EmitInstances{grid_, projected_.data(), map.stride, visible_.data(), splat_of_.data(), slot_of_.data(),
+                      emit_begin_.data(), tile_slot_.data(), instance_.data(), instances_size()});
+    group_by_key(executor, tile_slot_.data(), instances_size(), sorted_slot_.data(), tile_begin_, grid_.count(),
                  scratch_);
   }
 
   TileGrid grid_;
-  int num_splats_ = 0, num_instances_ = 0;
+  CountedLists<Backend, 2> lists_;  ///< splats, instances
+  Buffer<View, Backend> view_;
   Buffer<float, Backend> projected_;
   Buffer<Splat, Backend> splats_;
   Buffer<std::uint32_t, Backend> depth_key_;

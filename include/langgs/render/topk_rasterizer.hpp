@@ -53,8 +53,20 @@ class TopKRasterizer {
 
   /// Renders the map as seen by `view`. An empty map gives a black image.
   void render(const Executor<Backend>& executor, const PlanesView& map, const View& view, bool record_topk = true) {
-    splats_.build(executor, map, view);
-    num_pixels_ = view.camera.num_pixels();
+    project(executor, map, view);
+    (void)fits();
+    draw(executor, map, record_topk);
+  }
+
+  /// `render` in two halves, for whoever does not want to wait in between: see SplatList. If it turns out that the view
+  /// did not fit, its images are those of an empty map, and `draw` is to be said again.
+  void project(const Executor<Backend>& executor, const PlanesView& map, const View& view) {
+    splats_.count(executor, map, view);
+  }
+  [[nodiscard]] bool fits() { return splats_.fits(); }
+  void draw(const Executor<Backend>& executor, const PlanesView& map, bool record_topk = true) {
+    splats_.fill(executor, map);
+    num_pixels_ = splats_.grid().width * splats_.grid().height;
     planes_.resize_discard(executor, static_cast<std::size_t>(5) * num_pixels_);
     if (record_topk)
       render_recording(executor);
@@ -63,16 +75,15 @@ class TopKRasterizer {
   }
 
   /// dL/d(parameters) of every visible Gaussian and dL/d(pose) of the view of the last `render`, which must have been
-  /// given the same map and view. A TopKWeightGradient adds a loss on the weights that this render recorded.
+  /// given the same map. A TopKWeightGradient adds a loss on the weights that this render recorded.
   template <class WeightGradient = NoWeightGradient>
-  void backward(const Executor<Backend>& executor, const PlanesView& map, const View& view,
-                const RenderGradient& upstream, MapGradient<Backend>& gradient,
-                const WeightGradient& weight_gradient = {}) {
+  void backward(const Executor<Backend>& executor, const PlanesView& map, const RenderGradient& upstream,
+                MapGradient<Backend>& gradient, const WeightGradient& weight_gradient = {}) {
     slot_sums_.resize_discard(executor, static_cast<std::size_t>(splats_.num_instances()) * kSplatSumStride);
     launch(executor, splats_.grid().count(),
            TileBackwardWith<WeightGradient>{splats_.grid(), splats_.instances(), rendered(), upstream,
                                             slot_sums_.data(), weight_gradient});
-    gradient.from_slot_sums(executor, map, view, splats_, slot_sums_.data());
+    gradient.from_slot_sums(executor, map, splats_, slot_sums_.data());
   }
 
   [[nodiscard]] int num_pixels() const { return num_pixels_; }
@@ -103,7 +114,7 @@ class TopKRasterizer {
 
     splat_max_weight_.resize_discard(executor, splats_.num_splats());
     splat_topk_count_.resize_discard(executor, splats_.num_splats());
-    for_each_n(executor, splats_.num_splats(),
+    for_each_n(executor, splats_.splats_size(),
                ReduceStatistics{splats_.slot_begin(), slot_statistics_.data(), splat_topk_count_.data(),
                                 splat_max_weight_.data()});
   }

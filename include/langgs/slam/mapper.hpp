@@ -13,6 +13,7 @@
 
 #include "langgs/core/rng.hpp"
 #include "langgs/device/copy.hpp"
+#include "langgs/device/replay.hpp"
 #include "langgs/manage/insertion.hpp"
 #include "langgs/manage/pruning_policy.hpp"
 #include "langgs/map/gaussian_map.hpp"
@@ -23,9 +24,9 @@
 #include "langgs/optimize/field_coupling.hpp"
 #include "langgs/optimize/geometric_loss.hpp"
 #include "langgs/optimize/hybrid_schedule.hpp"
-#include "langgs/optimize/pose_refinement.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 #include "langgs/slam/front_end.hpp"
+#include "langgs/slam/keyframe_poses.hpp"
 #include "langgs/slam/mapping_kernels.hpp"
 
 namespace langgs {
@@ -56,6 +57,7 @@ class Mapper {
   /// Inserts what a keyframe shows and the map does not have yet, and queues the keyframe for optimisation.
   void add_keyframe(const Executor<Backend>& executor, const TrackedFrame& tracked, const RgbdFrame& frame,
                     FeatureMap<FeatDim> features) {
+    settle(executor);
     const FrameReport& report = tracked.report;
     std::vector<Eigen::Vector3f> means;
     means.reserve(tracked.cloud.points.size());
@@ -73,7 +75,7 @@ class Mapper {
     unvisited_.push_back(keyframes_.size());
     keyframes_.add({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera, frame.colour,
                     frame.depth, std::move(features)});
-    refinements_.emplace_back(report.T_world_camera.inverse(), /*is_fixed=*/refinements_.empty());
+    poses_.add(report.T_world_camera);
   }
 
   /// What tracking registers frames to: the opaque Gaussians of the map as it is now.
@@ -96,25 +98,26 @@ class Mapper {
   }
 
   /// One mapping iteration: render a keyframe, compare, step geometry and, when due, features; prune when due.
+  /// A device is left to work: `finish` says when the map and the poses are those after the last iteration.
   template <MapPruning Pruning, OptimizationSchedule Schedule>
   void iterate(const Executor<Backend>& executor,
                const MappingPolicies<Pruning, Schedule, FeatureOptimizer, Coupling>& policies) {
     if (keyframes_.empty()) return;
+    settle(executor);
     bool first_visit = false;
     const int index = next_keyframe(first_visit);
     Keyframe<FeatDim>& keyframe = keyframes_[index];
-    const View view(camera_, keyframe.T_world_camera);
+    poses_.refine(settings_.mapping.pose_refinement, index, keyframe.T_world_camera);
+    const OptimizationStep due = policies.schedule(MappingVisit{iteration_, first_visit});
+    const bool features_due = due.features && !keyframe.features.empty();
 
     const auto start = std::chrono::steady_clock::now();
-    rasterizer_.render(executor, map_.geometry(), view);  // Eqs. 1 and 2
-    collect_statistics(executor);
-    const OptimizationStep due = policies.schedule(MappingVisit{iteration_, first_visit});
-    if (due.geometry) {
-      const Coupling* const coupling = due.features && !keyframe.features.empty() ? &policies.coupling : nullptr;
-      step_geometry(executor, view, keyframe, refinements_[index], coupling);
-      geometry_ms_.push_back(since(start));
-    }
-    if (due.features && !keyframe.features.empty()) {
+    rasterizer_.project(executor, map_.geometry(), View(camera_, keyframe.T_world_camera));
+    if (features_due) (void)rasterizer_.fits();  // a feature step works with what was rendered, and waits anyway
+    visit_ = {index, due.geometry};
+    look(executor, features_due ? &policies.coupling : nullptr);
+    if (due.geometry) geometry_ms_.push_back(since(start));
+    if (features_due) {
       const auto feature_start = std::chrono::steady_clock::now();
       step_features(executor, policies.feature_optimizer, keyframe);
       feature_ms_.push_back(since(feature_start));
@@ -122,6 +125,13 @@ class Mapper {
     ++keyframe.visits;
     ++iteration_;
     prune(executor, policies.pruning);
+  }
+
+  /// To be said after the last of several iterations, before anything is asked about the map and the keyframes.
+  void finish(const Executor<Backend>& executor) {
+    settle(executor);
+    for (int i = 0; i < keyframes_.size(); ++i)
+      poses_.refine(settings_.mapping.pose_refinement, i, keyframes_[i].T_world_camera);
   }
 
   [[nodiscard]] const Map& map() const { return map_; }
@@ -169,36 +179,79 @@ class Mapper {
                                                          static_cast<std::uint32_t>(any.size()))];
   }
 
-  void step_geometry(const Executor<Backend>& executor, const View& view, Keyframe<FeatDim>& keyframe,
-                     PoseRefinementState& refinement, const Coupling* coupling) {
+  /// What the memory and the launches of `look` depend on, once camera and settings are given.
+  struct LearningArguments {
+    PlanesView geometry, first_moment, second_moment;
+    const std::int32_t* topk_count;
+    int splats, instances;
+    friend bool operator==(const LearningArguments&, const LearningArguments&) = default;
+  };
+  [[nodiscard]] LearningArguments learning_arguments() const {
+    return {map_.geometry(),
+            map_.first_moment.view(),
+            map_.second_moment.view(),
+            map_.statistics.topk_count.data(),
+            rasterizer_.splats().num_splats(),
+            rasterizer_.splats().num_instances()};
+  }
+
+  /// Sees to it that the last iteration took place. If it turns out that the lists of its render had no room, it has
+  /// changed nothing, and is done again.
+  void settle(const Executor<Backend>& executor) {
+    if (!rasterizer_.fits()) look(executor, nullptr);
+  }
+
+  /// Renders what was projected and steps geometry when due. `coupling` is null where features have no say.
+  void look(const Executor<Backend>& executor, const Coupling* coupling) {
+    const Keyframe<FeatDim>& keyframe = keyframes_[visit_.keyframe];
+    const auto draw = [&] {
+      rasterizer_.draw(executor, map_.geometry());  // Eqs. 1 and 2
+      collect_statistics(executor);
+    };
+    if (!visit_.steps_geometry) return draw();
+    unpack_target(executor, keyframe);
+    const auto learn = [&] {
+      draw();
+      step_geometry(executor, keyframe, coupling);
+    };
+    // With features due, sizes are exact and never the same again.
+    if (coupling != nullptr)
+      learn();
+    else
+      replay_(executor, learning_arguments(), learn);
+    if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
+      poses_.observe(executor, visit_.keyframe, map_gradient_.pose_sums());
+  }
+
+  void unpack_target(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe) {
     const std::size_t n = camera_.num_pixels();
     for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(executor, 4 * n);
     for_each_n(executor, static_cast<int>(n),
                detail::UnpackTarget{colour_(executor, keyframe.colour.data(), 3 * n),
                                     depth_(executor, keyframe.depth.data(), n), target_.data(),
                                     static_cast<std::ptrdiff_t>(n)});
+  }
+
+  void step_geometry(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe, const Coupling* coupling) {
+    const std::size_t n = camera_.num_pixels();
     const RenderPlanes rendered = rasterizer_.rendered();
     loss_.start(executor, {rendered.colour, rendered.depth, camera_.width, camera_.height},
                 {target_.data(), target_.data() + 3 * n, camera_.width, camera_.height},
                 {gradient_.data(), gradient_.data() + 3 * n});
-    backward(executor, view, keyframe, coupling);
+    backward(executor, keyframe, coupling);
     adam_.step(executor, map_, map_gradient_);
-    if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
-      keyframe.T_world_camera = settings_.mapping.pose_refinement.step(refinement, map_gradient_.pose()).inverse();
   }
 
-  /// `coupling` is null where the features of the keyframe have no say.
-  void backward(const Executor<Backend>& executor, const View& view, const Keyframe<FeatDim>& keyframe,
-                const Coupling* coupling) {
+  void backward(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe, const Coupling* coupling) {
     const RenderGradient upstream{gradient_.data(), gradient_.data() + 3 * camera_.num_pixels()};
     if constexpr (Coupling::kCoupled) {
       if (coupling != nullptr) {
         const SampleGrid grid{keyframe.features.width(), keyframe.features.height(), camera_};
         on_weights_.evaluate(executor, rasterizer_, grid, map_.features().data(), keyframe.features, coupling->weight);
-        return rasterizer_.backward(executor, map_.geometry(), view, upstream, map_gradient_, on_weights_.view());
+        return rasterizer_.backward(executor, map_.geometry(), upstream, map_gradient_, on_weights_.view());
       }
     }
-    rasterizer_.backward(executor, map_.geometry(), view, upstream, map_gradient_);
+    rasterizer_.backward(executor, map_.geometry(), upstream, map_gradient_);
   }
 
   void step_features(const Executor<Backend>& executor, const FeatureOptimizer& optimizer,
@@ -217,7 +270,7 @@ class Mapper {
   void collect_statistics(const Executor<Backend>& executor) {
     Statistics<Backend>& s = map_.statistics;
     const SplatStatistics seen = rasterizer_.statistics();
-    for_each_n(executor, rasterizer_.splats().num_splats(),
+    for_each_n(executor, rasterizer_.splats().splats_size(),
                detail::CollectStatistics{rasterizer_.splats().gaussian(), seen, s.topk_count.data(),
                                          s.max_weight.data(), s.num_views.data()});
   }
@@ -225,6 +278,7 @@ class Mapper {
   template <MapPruning Pruning>
   void prune(const Executor<Backend>& executor, const Pruning& pruning) {
     if (!pruning.due(iteration_)) return;
+    settle(executor);
     const PruningReport report = pruning.select(iteration_, pruning_statistics_.read(executor, map_), keep_);
     const int removed = map_.prune(executor, keep_);
     pruned_ += removed;
@@ -245,7 +299,7 @@ class Mapper {
   SlamSettings settings_;
   Map map_;
   KeyframeStore<FeatDim> keyframes_;
-  std::vector<PoseRefinementState> refinements_;
+  KeyframePoses<Backend> poses_;
   std::deque<int> unvisited_;
   RedundancyFilter redundancy_;
   TopKRasterizer<K, Backend> rasterizer_;
@@ -261,6 +315,11 @@ class Mapper {
   Download<float, Backend> geometry_on_host_;
   PruningStatisticsReader<Backend> pruning_statistics_;
   std::vector<std::int32_t> keep_;
+  struct {
+    int keyframe = 0;
+    bool steps_geometry = false;
+  } visit_;  ///< of the last iteration
+  Replay<LearningArguments, Backend> replay_;
   int iteration_ = 0, inserted_ = 0, suppressed_ = 0, pruned_ = 0;
   std::vector<float> geometry_ms_, feature_ms_;
 };

@@ -105,7 +105,7 @@ class RealtimeRunner {
         {
           std::unique_lock lock(mutex_);
           if (mapper_.keyframes().empty()) changed_.wait(lock, [&] { return mail_ || finished_; });
-          if (finished_ && !mail_) return;
+          if (finished_ && !mail_) break;
           mail.swap(mail_);
         }
         if (mail) {
@@ -117,10 +117,13 @@ class RealtimeRunner {
         }
         changed_.notify_all();
         mapper_.iterate(executor_, policies_);
+        if (!mail) continue;  // looking at the loss makes a device wait
+        const double loss = mapper_.last_loss();
         std::lock_guard lock(mutex_);
         num_gaussians_ = mapper_.map().size();
-        loss_ = mapper_.last_loss();
+        loss_ = loss;
       }
+      mapper_.finish(executor_);
     } catch (...) {
       std::lock_guard lock(mutex_);
       mapping_failure_ = std::current_exception();

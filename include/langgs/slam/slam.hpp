@@ -134,6 +134,7 @@ class LangGsSlam {
   }
   void iterate(int n) {
     for (int i = 0; i < n; ++i) mapper_.iterate(executor_, policies());
+    mapper_.finish(executor_);
   }
   [[nodiscard]] MappingPolicies<Pruning, Schedule, FeatureOptimizer, Coupling> policies() const {
     return {pruning, schedule, feature_optimizer, coupling};
