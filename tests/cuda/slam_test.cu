@@ -7,8 +7,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdlib>
+#include <memory>
+#include <utility>
 #include <vector>
 
+#include "cuda/counted_memory.hpp"
 #include "cuda/slam_run.hpp"
 #include "langgs/optimize/feature_adam.hpp"
 
@@ -47,6 +50,30 @@ TEST_CASE("A run on CUDA is that of the host, and itself again bit for bit") {
           ", loss ", run.loss, " / ", host.loss, ", features ", difference / static_cast<double>(run.features.size()),
           ", labels ", other_labels);
   CHECK(test::slam_run<Cuda>().bytes == run.bytes);
+}
+
+TEST_CASE("A run on CUDA neither waits nor takes memory between the iterations on keyframes that it knows") {
+  const SyntheticRoom room = test::small_room(3);
+  SlamSettings settings = test::small_settings();
+  settings.final_iterations = 8;
+  settings.mapping.pose_refinement.start_after_visits = 0;
+  const auto memory = std::make_shared<test::CountedMemory>();
+  const Executor<Cuda> executor(gpu::Stream(), memory);
+  LangGsSlam<test::kDim, 3, PruningPolicy, HybridSchedule, FeatureAverage<>, DecoupledFields, Cuda> slam(
+      room.camera(), settings, executor);
+  slam.pruning.backbone_period = slam.pruning.consistency_period = 0;
+  slam.keyframe_policy = test::often();
+  auto none = [](const RgbdFrame&) { return FeatureMap<test::kDim>(); };
+  (void)test::run(slam, test::frames_of(room), none);
+  REQUIRE(slam.keyframes().size() >= 2);
+  const int iterations = slam.statistics().geometry_iterations, allocations = memory->allocations,
+            waits = executor.num_waits();
+  const Pose before = slam.keyframes().back().T_world_camera;
+  slam.finish();
+  CHECK(executor.num_waits() == waits);
+  CHECK(memory->allocations == allocations);
+  CHECK(slam.statistics().geometry_iterations == iterations + settings.final_iterations);
+  CHECK(slam.keyframes().back().T_world_camera.matrix() != before.matrix());  // poses are refined nevertheless
 }
 
 TEST_CASE("A run on CUDA may have mapping in a thread of its own") {

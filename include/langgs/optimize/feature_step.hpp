@@ -45,19 +45,19 @@ template <int FeatDim, class Optimizer, class Backend = Host>
 class FeatureStep {
  public:
   /// `contributions` must have one pixel for each pixel of `teacher`, and none where the teacher has nothing. The
-  /// teacher is brought to the backend's memory; the host has it there.
+  /// teacher is brought to the backend's memory, unless it is there already, at `values`; the host has it there.
   void step(const Executor<Backend>& executor, const Optimizer& optimizer,
             GaussianMap<FeatDim, Backend, Optimizer>& map, const ContributionView& contributions,
-            const FeatureMap<FeatDim>& teacher) {
+            const FeatureMap<FeatDim>& teacher, const Half* values = nullptr) {
     LANGGS_EXPECTS(contributions.width == teacher.width() && contributions.height == teacher.height(),
                    "the contributions are for ", contributions.width, "x", contributions.height,
                    " pixels, the teacher has ", teacher.width(), "x", teacher.height());
     optimizer.check();
     if (contributions.size == 0) return;
     hits_.build(executor, contributions, map.size());
-    const std::size_t values = static_cast<std::size_t>(contributions.num_pixels()) * FeatDim;
-    optimizer.step(executor, map, contributions, hits_.view(), teacher_(executor, teacher.pixel(0, 0), values),
-                   scratch_);
+    if (values == nullptr)
+      values = teacher_(executor, teacher.pixel(0, 0), static_cast<std::size_t>(contributions.num_pixels()) * FeatDim);
+    optimizer.step(executor, map, contributions, hits_.view(), values, scratch_);
   }
   [[nodiscard]] std::size_t bytes() const { return hits_.bytes() + teacher_.bytes() + scratch_.bytes(); }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <chrono>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -27,7 +26,9 @@
 #include "langgs/render/topk_rasterizer.hpp"
 #include "langgs/slam/front_end.hpp"
 #include "langgs/slam/keyframe_poses.hpp"
+#include "langgs/slam/keyframe_uploads.hpp"
 #include "langgs/slam/mapping_kernels.hpp"
+#include "langgs/slam/opaque_target.hpp"
 
 namespace langgs {
 
@@ -50,6 +51,7 @@ class Mapper {
       : camera_(camera),
         settings_(settings),
         keyframes_(settings.mapping.keyframe_bytes),
+        uploads_(settings.mapping.device_keyframe_bytes),
         redundancy_(settings.mapping.redundancy),
         loss_(settings.mapping.loss),
         adam_(settings.mapping.learning_rates) {}
@@ -76,25 +78,13 @@ class Mapper {
     keyframes_.add({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera, frame.colour,
                     frame.depth, std::move(features)});
     poses_.add(report.T_world_camera);
+    uploads_.prefetch(executor, keyframes_.size() - 1, keyframes_.all().back(), /*with_teacher=*/true);
   }
 
   /// What tracking registers frames to: the opaque Gaussians of the map as it is now.
   [[nodiscard]] std::shared_ptr<const GicpTarget> make_target(const Executor<Backend>& executor) {
-    const PlanesView g = planes_on_host(executor, map_.geometry(), geometry_on_host_);
-    const float min_logit =
-        std::log(settings_.tracking.min_target_opacity / (1 - settings_.tracking.min_target_opacity));
-    std::vector<Eigen::Vector3f> means, scales;
-    std::vector<Eigen::Vector4f> rotations;
-    for (int i = 0; i < g.size; ++i) {
-      if (!(g.plane(kOpacityLogit)[i] > min_logit)) continue;
-      means.emplace_back(g.plane(kMeanX)[i], g.plane(kMeanY)[i], g.plane(kMeanZ)[i]);
-      rotations.emplace_back(g.plane(kRotationW)[i], g.plane(kRotationX)[i], g.plane(kRotationY)[i],
-                             g.plane(kRotationZ)[i]);
-      scales.emplace_back(std::exp(g.plane(kLogScaleX)[i]), std::exp(g.plane(kLogScaleY)[i]),
-                          std::exp(g.plane(kLogScaleZ)[i]));
-    }
-    return std::make_shared<const GicpTarget>(
-        GicpTarget::from_gaussians(std::move(means), rotations, scales, settings_.tracking.target_shape));
+    settle(executor);
+    return opaque_target(planes_on_host(executor, map_.geometry(), geometry_on_host_), settings_.tracking);
   }
 
   /// One mapping iteration: render a keyframe, compare, step geometry and, when due, features; prune when due.
@@ -104,8 +94,9 @@ class Mapper {
                const MappingPolicies<Pruning, Schedule, FeatureOptimizer, Coupling>& policies) {
     if (keyframes_.empty()) return;
     settle(executor);
-    bool first_visit = false;
-    const int index = next_keyframe(first_visit);
+    const int index = next_keyframe();
+    const bool first_visit = !unvisited_.empty();
+    if (first_visit) unvisited_.pop_front();
     Keyframe<FeatDim>& keyframe = keyframes_[index];
     poses_.refine(settings_.mapping.pose_refinement, index, keyframe.T_world_camera);
     const OptimizationStep due = policies.schedule(MappingVisit{iteration_, first_visit});
@@ -119,12 +110,14 @@ class Mapper {
     if (due.geometry) geometry_ms_.push_back(since(start));
     if (features_due) {
       const auto feature_start = std::chrono::steady_clock::now();
-      step_features(executor, policies.feature_optimizer, keyframe);
+      step_features(executor, policies.feature_optimizer);
       feature_ms_.push_back(since(feature_start));
     }
     ++keyframe.visits;
     ++iteration_;
     prune(executor, policies.pruning);
+    const int next = next_keyframe();
+    uploads_.prefetch(executor, next, keyframes_[next], /*with_teacher=*/false);
   }
 
   /// To be said after the last of several iterations, before anything is asked about the map and the keyframes.
@@ -144,7 +137,8 @@ class Mapper {
     MemoryReport report = map_.memory_report();
     report.emplace_back("keyframe_features", keyframes_.feature_bytes());
     report.emplace_back("keyframe_images", keyframes_.bytes() - keyframes_.feature_bytes());
-    report.emplace_back("feature_scratch", contributions_.bytes() + feature_step_.bytes() + present_.bytes());
+    report.emplace_back("feature_scratch", contributions_.bytes() + feature_step_.bytes());
+    if (uploads_.bytes() > 0) report.emplace_back("keyframes_on_device", uploads_.bytes());
     return report;
   }
 
@@ -165,14 +159,10 @@ class Mapper {
     return std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - start).count();
   }
 
-  /// New keyframes first, oldest first; then any, uniformly.
-  int next_keyframe(bool& first_visit) {
-    while (!unvisited_.empty()) {
-      const int index = unvisited_.front();
-      unvisited_.pop_front();
-      first_visit = keyframes_[index].has_images();
-      if (first_visit) return index;
-    }
+  /// Which keyframe the next iteration visits: new ones first, oldest first; then any, uniformly.
+  int next_keyframe() {
+    while (!unvisited_.empty() && !keyframes_[unvisited_.front()].has_images()) unvisited_.pop_front();
+    if (!unvisited_.empty()) return unvisited_.front();
     constexpr std::uint64_t kStream = 0x6b657966;                   // of the choice of keyframes
     const std::vector<std::int32_t>& any = keyframes_.trainable();  // the newest at least
     return any[CounterRng{settings_.seed, kStream}.below(static_cast<std::uint64_t>(iteration_),
@@ -226,10 +216,9 @@ class Mapper {
   void unpack_target(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe) {
     const std::size_t n = camera_.num_pixels();
     for (auto* buffer : {&target_, &gradient_}) buffer->resize_discard(executor, 4 * n);
+    const auto images = uploads_.images(executor, visit_.keyframe, keyframe);
     for_each_n(executor, static_cast<int>(n),
-               detail::UnpackTarget{colour_(executor, keyframe.colour.data(), 3 * n),
-                                    depth_(executor, keyframe.depth.data(), n), target_.data(),
-                                    static_cast<std::ptrdiff_t>(n)});
+               detail::UnpackTarget{images.first, images.second, target_.data(), static_cast<std::ptrdiff_t>(n)});
   }
 
   void step_geometry(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe, const Coupling* coupling) {
@@ -254,17 +243,15 @@ class Mapper {
     rasterizer_.backward(executor, map_.geometry(), upstream, map_gradient_);
   }
 
-  void step_features(const Executor<Backend>& executor, const FeatureOptimizer& optimizer,
-                     const Keyframe<FeatDim>& keyframe) {
-    const FeatureMap<FeatDim>& teacher = keyframe.features;
-    const SampleGrid grid{teacher.width(), teacher.height(), camera_};
-    const std::uint8_t* const present =
-        present_(executor, teacher.present(), static_cast<std::size_t>(grid.width) * grid.height);
+  void step_features(const Executor<Backend>& executor, const FeatureOptimizer& optimizer) {
+    const FeatureMap<FeatDim>& features = keyframes_[visit_.keyframe].features;
+    const SampleGrid grid{features.width(), features.height(), camera_};
+    const auto teacher = uploads_.teacher(executor, visit_.keyframe, keyframes_[visit_.keyframe]);
     if (settings_.mapping.feature_rendering == FeatureRendering::topk)
-      contributions_.from_topk(executor, rasterizer_, grid, present);
+      contributions_.from_topk(executor, rasterizer_, grid, teacher.second);
     else
-      contributions_.from_blending(executor, rasterizer_.splats(), grid, present);
-    feature_step_.step(executor, optimizer, map_, contributions_.view(), teacher);
+      contributions_.from_blending(executor, rasterizer_.splats(), grid, teacher.second);
+    feature_step_.step(executor, optimizer, map_, contributions_.view(), features, teacher.first);
   }
 
   void collect_statistics(const Executor<Backend>& executor) {
@@ -300,6 +287,7 @@ class Mapper {
   Map map_;
   KeyframeStore<FeatDim> keyframes_;
   KeyframePoses<Backend> poses_;
+  KeyframeUploads<FeatDim, Backend> uploads_;
   std::deque<int> unvisited_;
   RedundancyFilter redundancy_;
   TopKRasterizer<K, Backend> rasterizer_;
@@ -310,8 +298,6 @@ class Mapper {
   FeatureStep<FeatDim, FeatureOptimizer, Backend> feature_step_;
   std::conditional_t<Coupling::kCoupled, FeatureWeightGradient<FeatDim, K, Backend>, Coupling> on_weights_;
   Buffer<float, Backend> target_, gradient_;
-  Upload<std::uint8_t, Backend> colour_, present_;
-  Upload<float, Backend> depth_;
   Download<float, Backend> geometry_on_host_;
   PruningStatisticsReader<Backend> pruning_statistics_;
   std::vector<std::int32_t> keep_;

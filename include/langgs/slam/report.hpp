@@ -30,7 +30,8 @@ struct FrameReport {
   double loss = 0;  ///< geometric loss of the last mapping iteration
 };
 
-/// Counts and times of a run so far. Times are wall-clock milliseconds and the only thing that is not reproducible.
+/// Counts and times of a run so far. Times are wall-clock milliseconds and the only thing that is not reproducible;
+/// on a device those of mapping are what the host takes to hand over the work, and to wait where it does.
 struct SlamStatistics {
   int frames = 0, keyframes = 0, gaussians = 0;
   int geometry_iterations = 0, feature_iterations = 0;

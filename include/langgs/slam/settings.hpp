@@ -53,6 +53,8 @@ struct MappingSettings {
   FeatureRendering feature_rendering = FeatureRendering::topk;
   /// Most bytes that keyframes may hold, their images and feature maps together; see KeyframeStore for what goes first.
   std::size_t keyframe_bytes = std::size_t{4} << 30;
+  /// The most bytes of them that a device keeps copies of, those used last; the others are uploaded again when visited.
+  std::size_t device_keyframe_bytes = std::size_t{1} << 30;
 };
 
 struct SlamSettings {
