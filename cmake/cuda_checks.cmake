@@ -48,4 +48,10 @@ if(LANGGS_ENABLE_CUDA AND cuda_tests)
   add_test(NAME cuda.slam COMMAND test_cuda "--test-case=A run on CUDA*")
   set_tests_properties(cuda.slam PROPERTIES LABELS cuda TIMEOUT 1200 RESOURCE_LOCK cuda_launcher
                                             ENVIRONMENT "${launcher_checks}")
+  if(TARGET examples_cuda)
+    add_test(NAME cuda.program COMMAND sh "${CMAKE_CURRENT_SOURCE_DIR}/checks/cuda_program.sh" $<TARGET_FILE:langgs_slam>
+                                          "${PROJECT_BINARY_DIR}/program/cuda" ${LANGGS_CUDA_LAUNCHER})
+    set_tests_properties(cuda.program PROPERTIES LABELS cuda TIMEOUT 1200 RESOURCE_LOCK cuda_launcher
+                                                 ENVIRONMENT "${launcher_checks}")
+  endif()
 endif()

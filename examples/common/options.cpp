@@ -153,7 +153,9 @@ void add_run_options(CLI::App& app, RunOptions& o) {
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str()
       ->group(group);
-  app.add_option("--device", o.device, "host or cuda")
+  app.add_option("--device", o.device,
+                 std::string("where mapping and rendering run: host or cuda") +
+                     (has_cuda() ? "" : " (not in this build, which was made without CUDA)"))
       ->check(CLI::IsMember({"host", "cuda"}))
       ->capture_default_str()
       ->group(group);
@@ -174,7 +176,8 @@ void add_run_options(CLI::App& app, RunOptions& o) {
 /// What no single option can check.
 void check_together(const CLI::App& app, const RunOptions& o, const std::string& resume) {
   const auto given = [&](const char* name) { return app.count(name) > 0; };
-  LANGGS_EXPECTS(o.device == "host", "--device cuda: this program was built without CUDA; use --device host");
+  LANGGS_EXPECTS(o.device == "host" || has_cuda(), "--device ", o.device,
+                 ": this program was built without CUDA; configure with -DLANGGS_ENABLE_CUDA=ON, or use --device host");
   LANGGS_EXPECTS(resume.empty(), "--resume: going on from a saved map is not available yet; run the sequence again");
   for (const double value : {o.fps, o.dataset.max_gap, o.dataset.room.motion, o.dataset.room.colour_noise})
     LANGGS_EXPECTS(std::isfinite(value), "an option is ", value, "; give finite numbers");

@@ -22,12 +22,30 @@ SlamSettings slam_settings(const RunOptions& o) {
   return s;
 }
 
+bool has_cuda() {
+#if defined(LANGGS_EXAMPLES_CUDA)
+  return true;
+#else
+  return false;
+#endif
+}
 std::string supported_dims_text() { return "16, 64, 512"; }
 std::string supported_k_text() { return "3, or with --feature-dim 512 also 1, 5, 10"; }
 
 std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset& dataset,
                                         const std::vector<float>& class_vectors) {
   const int dim = options.has_features() ? options.feature_dim : 1;
+#if defined(LANGGS_EXAMPLES_CUDA)
+  if (options.device == "cuda") {
+    const bool averages = !options.has_features() || options.feature_optimizer == "average";
+    std::unique_ptr<Pipeline> on_cuda = averages ? make_pipeline_cuda(options, dataset, class_vectors) : nullptr;
+    LANGGS_EXPECTS(on_cuda, "--device cuda with --feature-dim ", dim, ", --top-k ", options.top_k,
+                   " and --feature-optimizer ", options.feature_optimizer,
+                   " is not compiled in; use --feature-dim 16 or 512, --top-k 3 and average, or add it in "
+                   "examples/common/pipeline_cuda.cu");
+    return on_cuda;
+  }
+#endif
   if (options.has_features() && options.feature_optimizer == "adam") {
     LANGGS_EXPECTS(dim == 512 && options.top_k == 3,
                    "--feature-optimizer adam is compiled in for --feature-dim 512 and ", "--top-k 3 alone, not for ",

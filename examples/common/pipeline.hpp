@@ -32,7 +32,7 @@ struct KeyframeView {
   Pose T_world_camera = Pose::Identity();
 };
 
-/// LangGsSlam<FeatDim, K> behind an interface: D and K are known at run time here and at compile time there.
+/// LangGsSlam<FeatDim, K> behind an interface: D, K and the device are known at run time here, at compile time there.
 class Pipeline {
  public:
   virtual ~Pipeline() = default;
@@ -75,6 +75,8 @@ class Pipeline {
 [[nodiscard]] std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset& dataset,
                                                       const std::vector<float>& class_vectors);
 
+/// Whether --device cuda is compiled in.
+[[nodiscard]] bool has_cuda();
 [[nodiscard]] std::string supported_dims_text();
 [[nodiscard]] std::string supported_k_text();
 

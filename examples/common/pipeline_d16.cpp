@@ -6,7 +6,7 @@ namespace langgs::examples {
 
 std::unique_ptr<Pipeline> make_pipeline_d16(const RunOptions& options, const Dataset& dataset,
                                             const std::vector<float>& class_vectors) {
-  return pipeline_with_k<16, FeatureAverage<>, 3>(options, dataset, class_vectors);
+  return pipeline_with_k<16, FeatureAverage<>, Host, 3>(options, dataset, class_vectors);
 }
 
 }  // namespace langgs::examples

@@ -6,7 +6,7 @@ namespace langgs::examples {
 
 std::unique_ptr<Pipeline> make_pipeline_d64(const RunOptions& options, const Dataset& dataset,
                                             const std::vector<float>& class_vectors) {
-  return pipeline_with_k<64, FeatureAverage<>, 3>(options, dataset, class_vectors);
+  return pipeline_with_k<64, FeatureAverage<>, Host, 3>(options, dataset, class_vectors);
 }
 
 }  // namespace langgs::examples

@@ -6,13 +6,14 @@
 
 #include "common/pipeline.hpp"
 
-/// @file One factory and one source file for each feature dimension, so that they compile side by side. Each gives
-/// null for a K that it does not have.
+/// @file One factory and one source file for each feature dimension, so that they compile side by side, and one for
+/// CUDA. Each gives null for a D or K that it does not have.
 
 namespace langgs::examples {
 
 using PipelineFactory = std::unique_ptr<Pipeline>(const RunOptions&, const Dataset&, const std::vector<float>&);
 
-PipelineFactory make_pipeline_d1, make_pipeline_d16, make_pipeline_d64, make_pipeline_d512, make_pipeline_d512_adam;
+PipelineFactory make_pipeline_d1, make_pipeline_d16, make_pipeline_d64, make_pipeline_d512, make_pipeline_d512_adam,
+    make_pipeline_cuda;
 
 }  // namespace langgs::examples

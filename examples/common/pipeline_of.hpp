@@ -14,9 +14,9 @@
 
 namespace langgs::examples {
 
-/// Pipeline by LangGsSlam<D, K>, whose features learn by `Optimizer`. Included only by the pipeline_d*.cpp, which share
-/// the time that it takes to compile.
-template <int D, int K, class Optimizer>
+/// Pipeline by LangGsSlam<D, K> on a backend, whose features learn by `Optimizer`. Included only by the pipeline_d*.cpp
+/// and pipeline_cuda.cu, which share the time that it takes to compile.
+template <int D, int K, class Optimizer, class Backend>
 class PipelineOf : public Pipeline {
  public:
   PipelineOf(const RunOptions& options, const Dataset& dataset, const std::vector<float>& class_vectors)
@@ -69,7 +69,36 @@ class PipelineOf : public Pipeline {
   }
 
   [[nodiscard]] SplatCloud splats() const override {
-    const PlanesView g = slam_.map().geometry();
+    return with_map([](const auto& map) { return splats_of(map); });
+  }
+
+  [[nodiscard]] std::vector<float> feature_samples(int count) const override {
+    return with_map([&](const auto& map) {
+      const int n = map.size(), step = std::max(1, n / std::max(1, count));
+      std::vector<float> samples;
+      for (int i = 0; i < n; i += step)
+        for (int c = 0; c < D; ++c) samples.push_back(static_cast<float>(map.features().row(i)[c]));
+      return samples;
+    });
+  }
+
+  void save_map(const std::filesystem::path& path, const std::map<std::string, std::string>& metadata) const override {
+    with_map([&](const auto& map) { save(map, path, metadata); });
+  }
+
+ private:
+  /// Calls use(map) with the map in the host's memory: itself, or a copy.
+  template <class Use>
+  auto with_map(const Use& use) const {
+    if constexpr (detail::HostBackend<Backend>)
+      return use(slam_.map());
+    else
+      return use(slam_.map().on_host(slam_.executor()));
+  }
+
+  template <class Map>
+  [[nodiscard]] static SplatCloud splats_of(const Map& map) {
+    const PlanesView g = map.geometry();
     const auto at = [&](int plane, std::size_t i) { return g.plane(plane)[i]; };
     SplatCloud cloud;
     cloud.resize(static_cast<std::size_t>(g.size));
@@ -85,18 +114,10 @@ class PipelineOf : public Pipeline {
     return cloud;
   }
 
-  [[nodiscard]] std::vector<float> feature_samples(int count) const override {
-    const int n = slam_.map().size(), step = std::max(1, n / std::max(1, count));
-    std::vector<float> samples;
-    for (int i = 0; i < n; i += step) {
-      const auto* row = slam_.map().features().row(i);
-      for (int c = 0; c < D; ++c) samples.push_back(static_cast<float>(row[c]));
-    }
-    return samples;
-  }
-
-  void save_map(const std::filesystem::path& path, const std::map<std::string, std::string>& metadata) const override {
-    const SplatCloud cloud = splats();
+  template <class Map>
+  static void save(const Map& map, const std::filesystem::path& path,
+                   const std::map<std::string, std::string>& metadata) {
+    const SplatCloud cloud = splats_of(map);
     const std::size_t n = cloud.size();
     SafetensorsWriter writer;
     writer.metadata = metadata;
@@ -107,7 +128,7 @@ class PipelineOf : public Pipeline {
     writer.add("opacity_logits", {n}, cloud.opacity_logit.data());
     std::vector<Half> rounded;
     if constexpr (D > 1) {
-      const auto* values = slam_.map().features().data();
+      const auto* values = map.features().data();
       const Half* halves;
       if constexpr (std::is_same_v<decltype(values), const Half*>) {
         halves = values;
@@ -121,18 +142,18 @@ class PipelineOf : public Pipeline {
     writer.save(path);
   }
 
- private:
-  LangGsSlam<D, K, PruningPolicy, HybridSchedule, Optimizer> slam_;
+  LangGsSlam<D, K, PruningPolicy, HybridSchedule, Optimizer, DecoupledFields, Backend> slam_;
   FeatureFunction<D> features_;
 };
 
 /// The pipeline of dimension D for a K that was compiled in, else null.
-template <int D, class Optimizer, int... Ks>
+template <int D, class Optimizer, class Backend, int... Ks>
 [[nodiscard]] std::unique_ptr<Pipeline> pipeline_with_k(const RunOptions& options, const Dataset& dataset,
                                                         const std::vector<float>& class_vectors) {
   std::unique_ptr<Pipeline> result;
   const auto choose = [&]<int K>() {
-    if (options.top_k == K) result = std::make_unique<PipelineOf<D, K, Optimizer>>(options, dataset, class_vectors);
+    if (options.top_k == K)
+      result = std::make_unique<PipelineOf<D, K, Optimizer, Backend>>(options, dataset, class_vectors);
   };
   (choose.template operator()<Ks>(), ...);
   return result;

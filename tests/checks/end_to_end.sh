@@ -48,7 +48,7 @@ refused --dataset mars
 refused --iterations -1
 refused --iterations many
 refused --feature-dim 17
-refused --device cuda
+if "$program" --help | grep -q "made without CUDA"; then refused --device cuda; fi
 refused --no-such-option
 refused --features npy:"$work/nowhere"
 echo "wrong options end with code 2 and one line"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/class_vectors.hpp"
+#include "common/pipeline.hpp"
 #include "langgs/core/error.hpp"
 #include "langgs/io/npy.hpp"
 #include "temporary_folder.hpp"
@@ -40,6 +41,14 @@ TEST_CASE("Defaults and values") {
   CHECK_FALSE(to_json(parse({"--features", "none"})).contains("feature-dim"));
 }
 
+TEST_CASE("--device cuda says how to build for it where it is not compiled in") {
+  CHECK(parse({}).device == "host");
+  if (has_cuda())
+    CHECK(parse({"--device", "cuda"}).device == "cuda");
+  else
+    CHECK_THROWS_WITH_AS(parse({"--device", "cuda"}), doctest::Contains("-DLANGGS_ENABLE_CUDA=ON"), InvalidArgument);
+}
+
 TEST_CASE("Wrong options give one line") {
   const std::vector<std::vector<const char*>> wrong = {{"--dataset", "kitti"},
                                                        {"--iterations", "-5"},
@@ -50,7 +59,6 @@ TEST_CASE("Wrong options give one line") {
                                                        {"--features", "clip"},
                                                        {"--mode", "fast"},
                                                        {"--fps", "30"},
-                                                       {"--device", "cuda"},
                                                        {"--resume", "map"},
                                                        {"--hold-out", "1"},
                                                        {"--threads", "0"},
