@@ -49,6 +49,10 @@ template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const PackS
 template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const EmitInstances&);
 template void for_each_lanes(const Executor<Cuda>&, const ListSize&, const GatherGradient&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const EndSlots&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const PutView&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::AdmitLists<2>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::EndList<std::uint32_t>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::EndList<KeyValue>&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const ReduceStatistics&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::TakeValues&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::TakeRows<Half>&);
