@@ -31,7 +31,7 @@ awk '
   }' "$work/host/trajectory.txt" "$work/cuda/trajectory.txt" || { echo "FAILED: trajectories differ"; exit 1; }
 
 # The first number behind a key of metrics.json.
-metric() { sed -n "s/.*\"$2\": *\(-\{0,1\}[0-9.e+-]*\).*/\1/p" "$work/$1/metrics.json" | head -n 1; }
+metric() { sed -n "s/.*\"$2\": *\(-\{0,1\}[0-9][0-9.e+-]*\).*/\1/p" "$work/$1/metrics.json" | head -n 1; }
 same() { # key, largest difference, relative
   awk -v key="$1" -v a="$(metric host "$1")" -v b="$(metric cuda "$1")" -v most="$2" 'BEGIN {
     d = a > b ? a - b : b - a
