@@ -42,6 +42,12 @@ class Warp {
     for (int step = kLanes / 2; step >= 1; step /= 2) value = value + __shfl_xor_sync(kAllLanes, value, step);
     return value;
   }
+  /// Calls put(i, sum of values[i] over the lanes) for each i, in one lane each: the same bits as `sum`. In each step
+  /// of the tree a lane hands half of its values to its partner, so that N values take about N shuffles instead of 5 N.
+  template <int N, class Put>
+  __device__ __forceinline__ void sums(const float (&values)[N], const Put& put) const {
+    share_sums<kLanes / 2>(values, 0, N, put);
+  }
   template <class T>
   [[nodiscard]] __device__ __forceinline__ T max(T value) const {
 #pragma unroll
@@ -122,6 +128,32 @@ class Warp {
   }
 
  private:
+  /// The lane has sums over 32 / (2 kStep) lanes of the values first .. end - 1; what `values` has beyond is ignored.
+  template <int kStep, int N, class Put>
+  __device__ __forceinline__ void share_sums(const float (&values)[N], int first, int end, const Put& put) const {
+    if constexpr (kStep == 0) {
+#pragma unroll
+      for (int v = 0; v < N; ++v)
+        if (first + v < end) put(first + v, values[v]);
+    } else if constexpr (N == 1) {
+      float total = values[0];
+#pragma unroll
+      for (int step = kStep; step >= 1; step /= 2) total += __shfl_xor_sync(kAllLanes, total, step);
+      if ((lane_ & (2 * kStep - 1)) == 0 && first < end) put(first, total);
+    } else {
+      constexpr int kHalf = (N + 1) / 2;
+      const bool is_upper = (lane_ & kStep) != 0;
+      float kept[kHalf];
+#pragma unroll
+      for (int v = 0; v < kHalf; ++v) {
+        const float lower = values[v], upper = v + kHalf < N ? values[v + kHalf] : 0.f;
+        kept[v] = (is_upper ? upper : lower) + __shfl_xor_sync(kAllLanes, is_upper ? lower : upper, kStep);
+      }
+      const int middle = first + kHalf;
+      share_sums<kStep / 2>(kept, is_upper ? middle : first, is_upper || end < middle ? end : middle, put);
+    }
+  }
+
   int index_, lane_;
 };
 
