@@ -62,6 +62,14 @@ struct BlendingWork {
   }
 };
 
+/// Gaussians in groups of eight, a sector of memory, that have a visible one: what a gather over a plane reads.
+std::int64_t num_in_sectors(const SplatList<Host>& list) {
+  std::int64_t sectors = 0;
+  for (int c = 0; c < list.num_splats(); ++c)
+    sectors += c == 0 || list.gaussian()[c] / 8 != list.gaussian()[c - 1] / 8 ? 1 : 0;
+  return 8 * sectors;
+}
+
 struct FeatureWork {
   std::int64_t contributions = 0, touched = 0;
   void add(const Executor<Host>& executor, const TopKRasterizer<kK>& rasterizer, const Camera& camera, int divisor,
@@ -80,12 +88,13 @@ void count(const Workload& work) {
   TopKRasterizer<kK> rasterizer;
   BlendingWork blending;
   FeatureWork full, quarter;
-  std::int64_t splats = 0, instances = 0, tiles = 0, pixels = 0;
+  std::int64_t splats = 0, sectors = 0, instances = 0, tiles = 0, pixels = 0;
   const int n = work.map.size(), views = static_cast<int>(work.views.size());
   for (const View& view : work.views) {
     rasterizer.render(executor, work.map.geometry(), view);
     const SplatList<Host>& list = rasterizer.splats();
     splats += list.num_splats();
+    sectors += num_in_sectors(list);
     instances += list.num_instances();
     tiles += list.grid().count();
     pixels += view.camera.num_pixels();
@@ -100,6 +109,7 @@ void count(const Workload& work) {
   line("P    pixels", pixels);
   line("T    tiles", tiles);
   line("V    visible splats", splats);
+  line("X    Gaussians in sectors with a visible one", sectors);
   line("I    instances", instances);
   line("J    instances that are read", blending.read);
   line("B    batches of 64", blending.batches);
