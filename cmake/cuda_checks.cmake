@@ -11,6 +11,12 @@ add_test(NAME cuda.kernels
          WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
 set_tests_properties(cuda.kernels PROPERTIES LABELS cuda TIMEOUT 900 SKIP_RETURN_CODE 77 COST 100)  # long: goes first
 
+add_test(NAME cuda.headers
+         COMMAND bash "${CMAKE_CURRENT_SOURCE_DIR}/checks/cuda_headers.sh" "${LANGGS_NVCC}" "${PROJECT_BINARY_DIR}/cuda"
+                 "${eigen_include}"
+         WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+set_tests_properties(cuda.headers PROPERTIES LABELS cuda TIMEOUT 600 SKIP_RETURN_CODE 77 COST 50)
+
 if(LANGGS_ENABLE_CUDA)
   file(GLOB cuda_tests CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/cuda/*_test.cu")
   file(GLOB cuda_host_sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/cuda/*.cpp")
@@ -35,7 +41,7 @@ if(LANGGS_ENABLE_CUDA AND cuda_tests)
   # nobody wrote, leaks, and work that the program does not wait for.
   set(orders fwd)
   if(LANGGS_CUDA_LAUNCHER)
-    list(APPEND orders rev rand:1)
+    list(APPEND orders rev rand:1 rand:2 rand:3)
   endif()
   set(launcher_checks "CUDA_PATH=${cuda_root};PTXRUN_STRICT=1;PTXRUN_LEAKCHECK=1;PTXRUN_STREAMS=lazy")
   foreach(order IN LISTS orders)

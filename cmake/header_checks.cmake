@@ -7,7 +7,7 @@ function(langgs_add_build_test name target)
   set_tests_properties(${name} PROPERTIES LABELS check TIMEOUT 900 RESOURCE_LOCK build_tree COST 50)
 endfunction()
 
-# Every public header compiles alone, and twice. Headers under cuda/ need nvcc.
+# Every public header compiles alone, and twice. Headers under cuda/ need nvcc: checks/cuda_headers.sh.
 set(headers ${langgs_headers})
 list(FILTER headers EXCLUDE REGEX "/langgs/cuda/|\\.cuh$")
 set(alone_sources "")

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels that the host tests run, compiled by nvcc from the same source. tests/checks/cuda_kernels.sh lists
-// what each of them needs.
+// Every kernel, those that depend on K for K = 1, 3, 5 and 10. tests/checks/cuda_kernels.sh lists what each of them
+// needs.
 #include "langgs/device/launch.hpp"
 #include "langgs/optimize/adam.hpp"
 #include "langgs/optimize/colour_loss.hpp"
@@ -17,6 +17,7 @@
 #include "langgs/render/tile_forward.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 #include "langgs/slam/mapping_kernels.hpp"
+#include "langgs/slam/teacher_cosine.hpp"
 #include "langgs/slam/view_renderer.hpp"
 
 namespace langgs {
@@ -27,15 +28,21 @@ template void launch(const Executor<Cuda>&, int, const TileForward<3>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<5>&);
 template void launch(const Executor<Cuda>&, int, const TileForward<10>&);
 template void launch(const Executor<Cuda>&, int, const TileBackward&);
+template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<1>>&);
 template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<3>>&);
+template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<5>>&);
 template void launch(const Executor<Cuda>&, int, const TileBackwardWith<TopKWeightGradient<10>>&);
 template void launch(const Executor<Cuda>&, int, const detail::RecordHits&);
 template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, Half, FeatureImageSink<512, Half>>&);
+template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, Half, FeatureImageSink<512, float>>&);
+template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, Half, detail::CosineSums<512>>&);
 template void launch(const Executor<Cuda>&, int, const CompositeFeatures<512, float, detail::FeatureSigns<512>>&);
 template void launch(const Executor<Cuda>&, int, const detail::AdamFeatureUpdate<512, float>&);
 template void launch(const Executor<Cuda>&, int, const detail::AverageUpdate<512, Half>&);
 template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, float>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 1, Half>&);
 template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 3, Half>&);
+template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 5, Half>&);
 template void launch(const Executor<Cuda>&, int, const detail::FeatureWeightSlopes<512, 10, Half>&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::ScatterSlopes&);
 
@@ -62,5 +69,14 @@ template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::S
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::PickLabel&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FindGroups<KeyValue>&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FindGroups<std::uint32_t>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FillElements<float>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CountTopK<1>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CountTopK<3>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CountTopK<5>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CountTopK<10>&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FillTopK&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CopyCounts&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::CopyHits&);
+template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::FirstPatch&);
 
 }  // namespace langgs

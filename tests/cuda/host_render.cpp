@@ -57,12 +57,8 @@ HostRender render_on_host(int width, int height, int num_gaussians, std::uint64_
   for (int i = 0; i < 4 * n; ++i) target.data()[i] = static_cast<float>(0.2 + CounterRng{seed, 99}.uniform(i));
   for (int i = 3 * n; i < 4 * n; i += 7) target.data()[i] = 0.f;
   GeometricLoss<Host> loss;
-  host.total =
-      loss.evaluate(executor, {rasterizer.rendered().colour, rasterizer.rendered().depth, width, height},
-                    {target.data(), target.data() + 3 * n, width, height}, {upstream.data(), upstream.data() + 3 * n});
-  host.l1 = loss.terms().l1;
-  host.dssim = loss.terms().dssim;
-  host.depth = loss.terms().depth;
+  loss.evaluate(executor, {rasterizer.rendered().colour, rasterizer.rendered().depth, width, height},
+                {target.data(), target.data() + 3 * n, width, height}, {upstream.data(), upstream.data() + 3 * n});
   host.target = copy(target.data(), 4 * n);
   host.upstream = copy(upstream.data(), 4 * n);
   MapGradient<Host> gradient;

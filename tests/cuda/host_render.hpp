@@ -38,7 +38,6 @@ struct HostRender {
 
   std::vector<float> target;    ///< colour and depth [4, n], some of it not measured
   std::vector<float> upstream;  ///< dL/dC and dL/dD [4, n]
-  double l1 = 0, dssim = 0, depth = 0, total = 0;
   std::vector<float> gradient;  ///< [14, V]
   std::vector<double> pose;     ///< [6]
 };

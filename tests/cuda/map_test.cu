@@ -7,12 +7,15 @@
 #include <cstring>
 #include <vector>
 
+#include "cuda/device_array.hpp"
 #include "langgs/core/rng.hpp"
 #include "langgs/map/gaussian_map.hpp"
 #include "langgs/optimize/feature_adam.hpp"
 
 namespace langgs {
 namespace {
+
+using test::DeviceArray;
 
 constexpr int kMapDim = 37;
 using Storage = FeatureAdam<Half>;
@@ -95,19 +98,20 @@ TEST_CASE("A map on CUDA grows, shrinks and is read as on the host") {
 
 TEST_CASE("Rows that are kept on CUDA may be many more than are moved at once") {
   const Executor<Cuda> executor{gpu::Stream()};
-  Rows<std::uint32_t, Cuda> rows(1 << 22);  // four at once
-  rows.resize(executor, 11);
-  const std::vector<std::int32_t> kept{0, 2, 3, 5, 6, 9, 10};
-  for (int i = 0; i < 11; ++i) {
-    const std::uint32_t mark = 100 + i;
-    copy_from_host(executor, &mark, 1, rows.row(i) + (1 << 22) - 1);
-  }
-  Upload<std::int32_t, Cuda> upload;
-  rows.compact(executor, upload(executor, kept.data(), kept.size()), static_cast<int>(kept.size()));
-  for (std::size_t i = 0; i < kept.size(); ++i) {
-    std::uint32_t mark = 0;
-    copy_to_host(executor, rows.row(static_cast<int>(i)) + (1 << 22) - 1, 1, &mark);
-    CHECK(mark == static_cast<std::uint32_t>(100 + kept[i]));
+  constexpr int kWidth = 3, kRows = 40;
+  const std::vector<std::int32_t> kept{0, 2, 3, 5, 6, 9, 10, 11, 12, 20, 21, 38, 39};
+  std::vector<std::uint32_t> all(kRows * kWidth), expected;
+  for (int i = 0; i < kRows * kWidth; ++i) all[i] = 100 + i;
+  for (const int row : kept) expected.insert(expected.end(), &all[kWidth * row], &all[kWidth * row] + kWidth);
+  const DeviceArray<std::int32_t> which(kept);
+  for (const int elements : {1, kWidth, 4 * kWidth + 1, 13 * kWidth, 1000}) {  // 1, 1, 4, 13 rows, all
+    CAPTURE(elements);
+    const DeviceArray<std::uint32_t> rows(all);
+    keep_rows(executor, rows.data(), kWidth, which.data(), static_cast<int>(kept.size()), elements);
+    executor.synchronize();
+    std::vector<std::uint32_t> got = rows.values();
+    got.resize(expected.size());
+    CHECK(got == expected);
   }
 }
 

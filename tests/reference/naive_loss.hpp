@@ -31,9 +31,9 @@ struct NaiveImages {
 /// 1 - SSIM: 11x11 Gaussian window of sigma 1.5, zero padding, biased moments, dynamic range 1.
 [[nodiscard]] inline double naive_dssim(const NaiveImages& images) {
   constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
-  double norm = 0;
+  double norm = 0, window[11][11];
   for (int i = -5; i <= 5; ++i)
-    for (int j = -5; j <= 5; ++j) norm += std::exp(-(i * i + j * j) / (2 * 1.5 * 1.5));
+    for (int j = -5; j <= 5; ++j) norm += window[i + 5][j + 5] = std::exp(-(i * i + j * j) / (2 * 1.5 * 1.5));
   double sum = 0;
   for (int p = 0; p < images.planes; ++p)
     for (int y = 0; y < images.height; ++y)
@@ -41,7 +41,7 @@ struct NaiveImages {
         double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
         for (int i = -5; i <= 5; ++i)
           for (int j = -5; j <= 5; ++j) {
-            const double w = std::exp(-(i * i + j * j) / (2 * 1.5 * 1.5)) / norm;
+            const double w = window[i + 5][j + 5] / norm;
             const double a = images.at(images.rendered, p, x + j, y + i), b = images.at(images.target, p, x + j, y + i);
             ma += w * a, mb += w * b, aa += w * a * a, bb += w * b * b, ab += w * a * b;
           }

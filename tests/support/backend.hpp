@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -22,7 +23,8 @@ namespace langgs::test {
 using TestBackend = Cuda;
 inline constexpr int kThreadCounts[] = {1};
 /// More than one tile of any algorithm; what runs CUDA without a GPU is slow.
-inline constexpr int kManyItems = 20'000;
+inline constexpr int kManyItems = 12'000;
+inline constexpr bool kIsSlow = true;
 inline Executor<Cuda> test_executor(int = 1) { return Executor<Cuda>(gpu::Stream()); }
 template <class T>
 using Array = DeviceArray<T>;
@@ -32,6 +34,7 @@ using Array = DeviceArray<T>;
 using TestBackend = Host;
 inline constexpr int kThreadCounts[] = {1, 2, 5};
 inline constexpr int kManyItems = 100'000;
+inline constexpr bool kIsSlow = false;
 inline Executor<Host> test_executor(int num_threads = 1) { return Executor<Host>(num_threads); }
 
 /// A fixed array in the backend's memory.
@@ -50,6 +53,12 @@ class Array {
 #endif
 
 using TestExecutor = Executor<TestBackend>;
+
+/// All of `cases`, or the first few where the backend is slow: put first what shows most.
+template <class T, std::size_t N>
+[[nodiscard]] std::span<const T> first_few(const T (&cases)[N], std::size_t few) {
+  return {cases, kIsSlow ? few : N};
+}
 
 /// The host's copy of n values in the backend's memory.
 template <class T>

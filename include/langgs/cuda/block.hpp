@@ -68,11 +68,7 @@ class Block {
   class ItemTotals {
    public:
     __device__ __forceinline__ void put_sums(const Item& item, const float (&values)[N]) {
-#pragma unroll
-      for (int v = 0; v < N; ++v) {
-        const float sum = item.warp().sum(values[v]);
-        if (item.warp().lane_index() == 0) rows_[item.warp().index()][v][item.index()] = sum;
-      }
+      item.warp().sums(values, [&](int v, float sum) { rows_[item.warp().index()][v][place(v, item.index())] = sum; });
     }
     __device__ __forceinline__ void put_max(const Item& item, float value) {
       static_assert(N == 1);
@@ -85,7 +81,7 @@ class Block {
 #pragma unroll
       for (int v = 0; v < N; ++v) {
         float total = 0;
-        for (int w = warps.first; w <= warps.last; ++w) total += rows_[w][v][i];
+        for (int w = warps.first; w <= warps.last; ++w) total += rows_[w][v][place(v, i)];
         line[v] = total;
       }
     }
@@ -97,6 +93,11 @@ class Block {
     }
 
    private:
+    /// Each row begins one place later: the lanes that write the sums of one item write to different banks.
+    [[nodiscard]] __device__ __forceinline__ static int place(int v, int i) {
+      return static_cast<int>(static_cast<unsigned>(i + v) % kItems);
+    }
+
     float rows_[kWarps][N][kItems];
   };
 

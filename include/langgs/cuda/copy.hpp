@@ -53,12 +53,12 @@ struct TakeRows {
 
 }  // namespace detail
 
-/// By way of the executor's workspace, a piece after the other: no row has moved to a place that a later one is still
-/// read from, since kept[i] >= i.
+/// By way of the executor's workspace, a piece of at most `elements` after the other: no row has moved to a place that
+/// a later one is still read from, since kept[i] >= i.
 template <class T>
-void keep_rows(const Executor<Cuda>& executor, T* rows, int width, const std::int32_t* kept, int n) {
-  constexpr int kElements = 1 << 24;
-  const int at_once = std::min(n, std::max(1, kElements / width));
+void keep_rows(const Executor<Cuda>& executor, T* rows, int width, const std::int32_t* kept, int n,
+               int elements = 1 << 24) {
+  const int at_once = std::min(n, std::max(1, elements / width));
   for (int first = 0; first < n; first += at_once) {
     const int count = std::min(at_once, n - first) * width;
     auto* const taken = static_cast<T*>(executor.workspace(count * sizeof(T)));

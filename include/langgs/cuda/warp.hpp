@@ -26,6 +26,18 @@ struct WarpRange {
   int first, last;
 };
 
+/// Half's conversions by the instructions for them: the same values, in one instruction instead of a dozen.
+[[nodiscard]] __device__ __forceinline__ float load_channel(float value) { return value; }
+[[nodiscard]] __device__ __forceinline__ float load_channel(Half value) {
+  float result;
+  asm("cvt.f32.f16 %0, %1;" : "=f"(result) : "h"(value.bits));
+  return result;
+}
+__device__ __forceinline__ void store_channel(float* to, float value) { *to = value; }
+__device__ __forceinline__ void store_channel(Half* to, float value) {
+  asm("cvt.rn.f16.f32 %0, %1;" : "=h"(to->bits) : "f"(value));
+}
+
 /// 32 lanes; code at warp scope is run by all of them and takes the same branches in all of them.
 class Warp {
  public:
@@ -41,6 +53,12 @@ class Warp {
 #pragma unroll
     for (int step = kLanes / 2; step >= 1; step /= 2) value = value + __shfl_xor_sync(kAllLanes, value, step);
     return value;
+  }
+  /// Calls put(i, sum of values[i] over the lanes) for each i, in one lane each: the same bits as `sum`. In each step
+  /// of the tree a lane hands half of its values to its partner, so that N values take about N shuffles instead of 5 N.
+  template <int N, class Put>
+  __device__ __forceinline__ void sums(const float (&values)[N], const Put& put) const {
+    share_sums<kLanes / 2>(values, 0, N, put);
   }
   template <class T>
   [[nodiscard]] __device__ __forceinline__ T max(T value) const {
@@ -66,12 +84,12 @@ class Warp {
   /// base[0 .. 31] of a row of channels, stored as float or half; lanes from `count` on are 0 and are not read.
   template <class T>
   [[nodiscard]] __device__ __forceinline__ float load_channels(const T* base, int count) const {
-    return lane_ < count ? static_cast<float>(base[lane_]) : 0.f;
+    return lane_ < count ? load_channel(base[lane_]) : 0.f;
   }
   /// base[0 .. 31] = v in the lanes before `count`, rounded to the nearest T.
   template <class T>
   __device__ __forceinline__ void store_channels(T* base, int count, float v) const {
-    if (lane_ < count) base[lane_] = static_cast<T>(v);
+    if (lane_ < count) store_channel(base + lane_, v);
   }
   /// The same for what is not read soon.
   template <class T>
@@ -122,6 +140,32 @@ class Warp {
   }
 
  private:
+  /// The lane has sums over 32 / (2 kStep) lanes of the values first .. end - 1; what `values` has beyond is ignored.
+  template <int kStep, int N, class Put>
+  __device__ __forceinline__ void share_sums(const float (&values)[N], int first, int end, const Put& put) const {
+    if constexpr (kStep == 0) {
+#pragma unroll
+      for (int v = 0; v < N; ++v)
+        if (first + v < end) put(first + v, values[v]);
+    } else if constexpr (N == 1) {
+      float total = values[0];
+#pragma unroll
+      for (int step = kStep; step >= 1; step /= 2) total += __shfl_xor_sync(kAllLanes, total, step);
+      if ((lane_ & (2 * kStep - 1)) == 0 && first < end) put(first, total);
+    } else {
+      constexpr int kHalf = (N + 1) / 2;
+      const bool is_upper = (lane_ & kStep) != 0;
+      float kept[kHalf];
+#pragma unroll
+      for (int v = 0; v < kHalf; ++v) {
+        const float lower = values[v], upper = v + kHalf < N ? values[v + kHalf] : 0.f;
+        kept[v] = (is_upper ? upper : lower) + __shfl_xor_sync(kAllLanes, is_upper ? lower : upper, kStep);
+      }
+      const int middle = first + kHalf;
+      share_sums<kStep / 2>(kept, is_upper ? middle : first, is_upper || end < middle ? end : middle, put);
+    }
+  }
+
   int index_, lane_;
 };
 
