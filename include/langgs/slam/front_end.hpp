@@ -13,15 +13,18 @@
 #include "langgs/io/tum_trajectory.hpp"
 #include "langgs/slam/report.hpp"
 #include "langgs/slam/settings.hpp"
-#include "langgs/track/gicp_target.hpp"
 #include "langgs/track/gicp_tracker.hpp"
+#include "langgs/track/grid_target.hpp"
+#include "langgs/track/motion_model.hpp"
+#include "langgs/track/synchronise.hpp"
 
 namespace langgs {
 
 /// A frame after tracking, with what mapping reuses from it.
 struct TrackedFrame {
   FrameReport report;
-  SourceCloud cloud;
+  SourceCloud cloud;   ///< of a keyframe: in the frame of the colour camera
+  Image<float> depth;  ///< of a keyframe: as seen from where colour was taken; empty if that is where depth was taken
   std::vector<float> squared_distance;  ///< [N] to the nearest map Gaussian; infinite where not known (section 3.3.2)
 };
 
@@ -29,13 +32,12 @@ struct TrackedFrame {
 class FrontEnd {
  public:
   FrontEnd(const Camera& camera, const TrackingSettings& settings)
-      : camera_(camera), settings_(settings), tracker_(settings.gicp) {
+      : camera_(camera), settings_(settings), tracker_(settings.gicp), motion_(settings.initial_guess) {
     validate(camera_);
-    motion_.guess = settings.initial_guess;
   }
 
   /// The map as tracking sees it. Shared: mapping goes on with a map of its own.
-  void set_target(std::shared_ptr<const GicpTarget> target) { target_ = std::move(target); }
+  void set_target(std::shared_ptr<const GridTarget> target) { target_ = std::move(target); }
 
   /// Poses of all frames so far, given the current keyframes: a frame moves with the keyframe before it. Frames whose
   /// time stamp is not finite are left out.
@@ -62,8 +64,8 @@ class FrontEnd {
     TrackedFrame tracked;
     FrameReport& report = tracked.report;
     report.frame_index = static_cast<int>(records_.size());
-    report.T_world_camera = motion_.predict();
     expect_shape(frame);
+    report.T_world_camera = motion_.predict(frame.timestamp);
     report.reason = unusable(frame, role);
     if (report.reason.empty()) {
       tracked.cloud = make_source_cloud(frame, camera_, settings_.source, pool);
@@ -75,7 +77,8 @@ class FrontEnd {
     const bool placed = !report.skipped && report.reason.empty();
     if (placed && !role.held_out)
       report.keyframe = keyframe_policy.decide(report.overlap, target_ == nullptr, role.is_last);
-    remember(frame, report, placed);
+    if (report.keyframe != KeyframeKind::none) synchronise(frame, tracked);
+    remember(frame, report);
     milliseconds_.push_back(std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - start).count());
     return tracked;
   }
@@ -104,7 +107,8 @@ class FrontEnd {
 
   /// Why a frame cannot be used; empty if it can.
   [[nodiscard]] std::string unusable(const RgbdFrame& frame, const FrameRole& role) const {
-    if (!std::isfinite(frame.timestamp)) return "its time stamp is not finite";
+    if (!std::isfinite(frame.timestamp) || !std::isfinite(frame.depth_time_offset))
+      return "its time stamp is not finite";
     if (frame.timestamp < last_timestamp_) return "its time stamp lies before the previous frame's";
     if (settings_.poses == PoseSource::gicp)
       return role.held_out && target_ == nullptr ? "it is held out, and there is no map yet to track it against" : "";
@@ -113,35 +117,48 @@ class FrontEnd {
     return {};
   }
 
-  /// Pose, overlap and correspondence distances of a usable frame.
+  /// Pose, overlap and correspondence distances of a usable frame. What is registered is the depth image, and the motion
+  /// model is one of the depth camera; what is reported is the pose of the colour image.
   void locate(const RgbdFrame& frame, TrackedFrame& tracked, WorkerPool& pool) {
     FrameReport& report = tracked.report;
-    const bool given = settings_.poses == PoseSource::given;
-    if (given) report.T_world_camera = *frame.T_world_camera;
-    if (target_ == nullptr) {  // the first frame defines the map
+    const bool given = settings_.poses == PoseSource::given, first = target_ == nullptr;
+    const double depth_time = frame.timestamp + frame.depth_time_offset;
+    Pose T_world_depth = motion_.predict(depth_time);
+    if (given) T_world_depth = *frame.T_world_camera * motion_.motion(frame.depth_time_offset);
+    if (first) {  // it defines the map
       tracked.squared_distance.assign(tracked.cloud.size(), std::numeric_limits<float>::infinity());
-      return;
+    } else {
+      tracked.cloud.T_colour_depth = motion_.motion(frame.depth_time_offset);
+      GicpResult result = given ? tracker_.evaluate(tracked.cloud, *target_, T_world_depth, pool)
+                                : tracker_.align(tracked.cloud, *target_, T_world_depth, pool);
+      report.status = result.status;
+      report.overlap = result.overlap;
+      T_world_depth = result.T_world_camera;
+      tracked.squared_distance = std::move(result.squared_distance);
+      if (!given && !has_pose(result.status)) {
+        report.reason = "tracking lost: too little of the map in view, or a motion too large";
+        ++lost_;
+        return;
+      }
     }
-    GicpResult result = given ? tracker_.evaluate(tracked.cloud, *target_, report.T_world_camera, pool)
-                              : tracker_.align(tracked.cloud, *target_, report.T_world_camera, pool);
-    report.status = result.status;
-    report.overlap = result.overlap;
-    report.T_world_camera = result.T_world_camera;
-    tracked.squared_distance = std::move(result.squared_distance);
-    if (!given && !has_pose(result.status)) {
-      report.reason = "tracking lost: too little of the map in view, or a motion too large";
-      ++lost_;
-    }
+    if (first)
+      motion_.restart(T_world_depth, depth_time);
+    else
+      motion_.observe(T_world_depth, depth_time);
+    report.T_world_camera =
+        given ? *frame.T_world_camera : renormalized(T_world_depth * motion_.motion(-frame.depth_time_offset));
   }
 
-  void remember(const RgbdFrame& frame, const FrameReport& report, bool placed) {
+  /// Brings the depth of a keyframe to where its colour was taken.
+  void synchronise(const RgbdFrame& frame, TrackedFrame& tracked) const {
+    if (frame.depth_time_offset == 0) return;
+    const Pose T_colour_depth = motion_.motion(frame.depth_time_offset);
+    tracked.depth = depth_from_colour(frame.depth, camera_, T_colour_depth);
+    move_to_colour(tracked.cloud, camera_, T_colour_depth);
+  }
+
+  void remember(const RgbdFrame& frame, const FrameReport& report) {
     if (report.skipped) ++skipped_;
-    if (placed) {
-      if (target_ == nullptr)
-        motion_.restart(report.T_world_camera);
-      else
-        motion_.observe(report.T_world_camera);
-    }
     if (std::isfinite(frame.timestamp)) last_timestamp_ = std::max(last_timestamp_, frame.timestamp);
     records_.push_back({frame.timestamp, report.T_world_camera});
   }
@@ -150,7 +167,7 @@ class FrontEnd {
   TrackingSettings settings_;
   GicpTracker tracker_;
   MotionModel motion_;
-  std::shared_ptr<const GicpTarget> target_;
+  std::shared_ptr<const GridTarget> target_;
   std::vector<Record> records_;
   int lost_ = 0, skipped_ = 0;
   double last_timestamp_ = -std::numeric_limits<double>::infinity();

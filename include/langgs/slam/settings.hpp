@@ -10,11 +10,11 @@
 #include "langgs/optimize/learning_rates.hpp"
 #include "langgs/optimize/pose_refinement.hpp"
 #include "langgs/slam/initialization.hpp"
-#include "langgs/track/gicp_target.hpp"
 #include "langgs/track/gicp_tracker.hpp"
 #include "langgs/track/keyframe_policy.hpp"
 #include "langgs/track/motion_model.hpp"
 #include "langgs/track/source_cloud.hpp"
+#include "langgs/track/target.hpp"
 
 /// @file Every knob of the system in one aggregate, grouped by stage. Defaults are those of docs/design.md.
 
