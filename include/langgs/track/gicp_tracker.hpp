@@ -33,6 +33,7 @@ struct GicpSettings {
   /// What a grey value off by 1 costs, relative to a point 1 m off along its surface: colour decides where geometry
   /// leaves the pose open, and hardly elsewhere. 0: colour is not used.
   double photometric_weight = 1;
+  double photometric_below = 6e-3;  ///< colour enters where geometry alone is conditioned worse than this
   double photometric_width = 0.1;  ///< grey value off at which a point has half its photometric weight
   int min_correspondences = 50;
   /// Directions whose curvature is less than this fraction of the best one's count as open: the paper's covariances
@@ -140,6 +141,7 @@ class GicpTracker {
     Twist units;  ///< diagonal S, step = S y
     Twist values;
     Eigen::Matrix<double, 6, 6> directions;  ///< columns, of y
+    [[nodiscard]] double conditioning() const { return std::max(0.0, values[0] / values[5]); }
   };
 
   template <class Target>
@@ -148,17 +150,23 @@ class GicpTracker {
     T = initial_T_world_camera;
     double gate = settings_.coarse_distance;
     double damping = kInitialDamping;
+    double photometric_weight = 0;
     while (result.iterations < settings_.max_iterations) {
       ++result.iterations;
       cost.find_correspondences(target, T, static_cast<float>(gate));
       const Eigen::Vector3d centre = T * cost.centroid();
       // A kernel as wide as the gate asks for: far from the solution large residuals are the signal.
       const double width = settings_.robust_width * gate / settings_.max_distance;
-      const detail::NormalEquations system = cost.linearise(T, centre, {width, settings_.photometric_weight, settings_.photometric_width});
+      detail::NormalEquations system = cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
       if (system.count < settings_.min_correspondences) return GicpStatus::too_few_correspondences;
       if (!system.hessian.allFinite() || !system.gradient.allFinite()) return GicpStatus::failed;
 
-      const Curvature curvature = decompose(system.hessian, cost.radius());
+      Curvature curvature = decompose(system.hessian, cost.radius());
+      if (photometric_weight == 0 && curvature.conditioning() < settings_.photometric_below) {
+        photometric_weight = settings_.photometric_weight;
+        system = cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
+        curvature = decompose(system.hessian, cost.radius());
+      }
       const Twist step = damped_step(cost, system, curvature, T, damping);
       T = renormalized(moved_about(centre, step) * T);
       cost.adopt_exposure();
@@ -210,13 +218,17 @@ class GicpTracker {
     if (cost.size() > 0) result.overlap = covered / static_cast<double>(cost.size());
 
     const Eigen::Vector3d centre = T * cost.centroid();
-    const detail::NormalEquations system = cost.linearise(
-        T, centre, {settings_.robust_width, settings_.photometric_weight, settings_.photometric_width});
+    detail::GicpWeights weights{settings_.robust_width, 0, settings_.photometric_width};
+    detail::NormalEquations system = cost.linearise(T, centre, weights);
     result.num_correspondences = system.count;
     if (system.count == 0 || !(system.weight > 0) || !system.hessian.allFinite()) return;
     result.inlier_rms = std::sqrt(system.squared_normal_distance / system.weight);
-    const Curvature curvature = decompose(system.hessian, cost.radius());
-    result.conditioning = std::max(0.0, curvature.values[0] / curvature.values[5]);
+    result.conditioning = decompose(system.hessian, cost.radius()).conditioning();
+    if (result.conditioning < settings_.photometric_below) {
+      weights.photometric_weight = settings_.photometric_weight;
+      system = cost.linearise(T, centre, weights);
+      result.conditioning = decompose(system.hessian, cost.radius()).conditioning();
+    }
     const bool settled = result.status == GicpStatus::converged || result.status == GicpStatus::iteration_limit;
     if (settled && result.conditioning <= settings_.degenerate_ratio) result.status = GicpStatus::degenerate;
 

@@ -200,6 +200,17 @@ class GridTarget {
     return shared;
   }
 
+  /// f(gaussian) for every `step`th Gaussian.
+  template <class F>
+  void for_each(int step, F&& f) const {
+    std::size_t next = 0;
+    for (const auto& block : blocks_) {
+      const std::vector<TargetGaussian>& members = block->gaussians();
+      for (; next < members.size(); next += step) f(members[next]);
+      next -= members.size();
+    }
+  }
+
   /// The Gaussian nearest to `query` if it is closer than `radius` [m]. Exact.
   [[nodiscard]] TargetMatch nearest(const Eigen::Vector3f& query, float radius) const {
     TargetMatch none{nullptr, 0, radius};

@@ -43,6 +43,7 @@ class MotionModel {
   }
 
   [[nodiscard]] const Pose& last() const { return T_world_last_; }
+  [[nodiscard]] double time() const { return time_; }  ///< of the last pose [s]
 
  private:
   static constexpr double kLongestInIntervals = 3;
