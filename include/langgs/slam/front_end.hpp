@@ -142,6 +142,7 @@ class FrontEnd {
         is_lost_ = !relocalize(frame, tracked.cloud, result, pool);
         if (!is_lost_) {
           ++relocalized_;
+          report.agreement = depth_agreement(*target_, frame.depth, camera_, result.T_world_camera).share();
           motion_.restart(result.T_world_camera, depth_time);
         }
       }
