@@ -28,7 +28,7 @@
 #include "langgs/slam/keyframe_poses.hpp"
 #include "langgs/slam/keyframe_uploads.hpp"
 #include "langgs/slam/mapping_kernels.hpp"
-#include "langgs/slam/opaque_target.hpp"
+#include "langgs/track/measured_surface.hpp"
 
 namespace langgs {
 
@@ -67,24 +67,29 @@ class Mapper {
       means.push_back((report.T_world_camera * point.cast<double>()).template cast<float>());
     std::vector<std::int32_t> chosen;
     redundancy_.select({means, tracked.squared_distance}, chosen);
-    map_.append(executor,
-                make_gaussians(tracked.cloud, chosen, frame, camera_, features, report.T_world_camera,
-                               settings_.mapping.initialization, settings_.tracking.source.stride),
-                iteration_, keyframes_.size());
+    const std::vector<Gaussian<FeatDim>> gaussians =
+        make_gaussians(tracked.cloud, chosen, frame, camera_, features, report.T_world_camera,
+                       settings_.mapping.initialization, settings_.tracking.source.stride);
+    map_.append(executor, gaussians, iteration_, keyframes_.size());
+    surface_.append(measured(tracked.cloud, chosen, camera_, report.T_world_camera, settings_.tracking.target_shape));
     inserted_ += static_cast<int>(chosen.size());
     suppressed_ += tracked.cloud.size() - static_cast<int>(chosen.size());
 
     unvisited_.push_back(keyframes_.size());
     keyframes_.add({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera, frame.colour,
-                    frame.depth, std::move(features)});
+                    tracked.depth.empty() ? frame.depth : tracked.depth, std::move(features)});
     poses_.add(report.T_world_camera);
     uploads_.prefetch(executor, keyframes_.size() - 1, keyframes_.all().back(), /*with_teacher=*/true);
   }
 
-  /// What tracking registers frames to: the opaque Gaussians of the map as it is now.
-  [[nodiscard]] std::shared_ptr<const GicpTarget> make_target(const Executor<Backend>& executor) {
+  /// What tracking registers frames to: the Gaussians that are opaque now, where they were measured.
+  [[nodiscard]] std::shared_ptr<const GridTarget> make_target(const Executor<Backend>& executor) {
     settle(executor);
-    return opaque_target(planes_on_host(executor, map_.geometry(), geometry_on_host_), settings_.tracking);
+    const PlanesView g = planes_on_host(executor, map_.geometry(), geometry_on_host_);
+    const float opacity = settings_.tracking.min_target_opacity, min_logit = std::log(opacity / (1 - opacity));
+    return surface_.target(
+        [&](int i) { return Eigen::Vector3f(g.plane(kMeanX)[i], g.plane(kMeanY)[i], g.plane(kMeanZ)[i]); },
+        [&](int i) { return g.plane(kOpacityLogit)[i] > min_logit; });
   }
 
   /// One mapping iteration: render a keyframe, compare, step geometry and, when due, features; prune when due.
@@ -268,6 +273,7 @@ class Mapper {
     settle(executor);
     const PruningReport report = pruning.select(iteration_, pruning_statistics_.read(executor, map_), keep_);
     const int removed = map_.prune(executor, keep_);
+    surface_.prune(keep_);
     pruned_ += removed;
     if (removed > 0) {
       const PlanesView g = planes_on_host(executor, map_.geometry(), geometry_on_host_);
@@ -290,6 +296,7 @@ class Mapper {
   KeyframeUploads<FeatDim, Backend> uploads_;
   std::deque<int> unvisited_;
   RedundancyFilter redundancy_;
+  MeasuredSurface surface_;
   TopKRasterizer<K, Backend> rasterizer_;
   GeometricLoss<Backend> loss_;
   MapGradient<Backend> map_gradient_;

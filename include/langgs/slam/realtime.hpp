@@ -140,7 +140,7 @@ class RealtimeRunner {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Mail> mail_;
-  std::shared_ptr<const GicpTarget> target_;
+  std::shared_ptr<const GridTarget> target_;
   std::exception_ptr mapping_failure_;
   bool finished_ = false;
   int num_gaussians_ = 0;

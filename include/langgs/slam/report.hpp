@@ -22,7 +22,8 @@ struct FrameReport {
   int frame_index = 0;
   Pose T_world_camera = Pose::Identity();
   GicpStatus status = GicpStatus::converged;
-  double overlap = 0;  ///< share of the frame's points that the map covers
+  double overlap = 0;    ///< share of the frame's points that the map covers
+  double agreement = 1;  ///< share of the map's surfaces in view that the frame's depth confirms (DepthAgreement)
   KeyframeKind keyframe = KeyframeKind::none;
   bool skipped = false;  ///< not usable; its pose is the predicted one
   std::string reason;    ///< why it was skipped or lost

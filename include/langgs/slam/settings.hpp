@@ -10,11 +10,11 @@
 #include "langgs/optimize/learning_rates.hpp"
 #include "langgs/optimize/pose_refinement.hpp"
 #include "langgs/slam/initialization.hpp"
-#include "langgs/track/gicp_target.hpp"
 #include "langgs/track/gicp_tracker.hpp"
 #include "langgs/track/keyframe_policy.hpp"
 #include "langgs/track/motion_model.hpp"
 #include "langgs/track/source_cloud.hpp"
+#include "langgs/track/target.hpp"
 
 /// @file Every knob of the system in one aggregate, grouped by stage. Defaults are those of docs/design.md.
 
@@ -40,6 +40,9 @@ struct TrackingSettings {
   InitialGuess initial_guess = InitialGuess::constant_velocity;
   TargetShape target_shape = TargetShape::anisotropic;
   float min_target_opacity = 0.05f;  ///< map Gaussians fainter than this are not tracked against
+  /// A frame is lost whose depth confirms less than this share of the map's surfaces in view (see DepthAgreement)...
+  double min_agreement = 0.8;
+  double min_overlap = 0.1;  ///< ... or of which the map covers less than this share.
 };
 
 /// Mapping (paper sections 3.2 to 3.4).
@@ -74,6 +77,10 @@ inline void validate(const SlamSettings& s) {
                  "; it must be in [1, 1024]");
   LANGGS_EXPECTS(s.tracking.min_target_opacity >= 0 && s.tracking.min_target_opacity < 1, "min_target_opacity is ",
                  s.tracking.min_target_opacity, "; it must be in [0, 1)");
+  LANGGS_EXPECTS(s.tracking.min_agreement >= 0 && s.tracking.min_agreement <= 1 && s.tracking.min_overlap >= 0 &&
+                     s.tracking.min_overlap <= 1,
+                 "min_agreement and min_overlap are ", s.tracking.min_agreement, " and ", s.tracking.min_overlap,
+                 "; they are shares and must be in [0, 1]");
   validate(s.tracking.source);
   validate(s.tracking.gicp);
   validate(s.mapping.initialization);

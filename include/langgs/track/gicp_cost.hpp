@@ -2,165 +2,274 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "langgs/core/pose.hpp"
+#include "langgs/host/lane_math.hpp"
+#include "langgs/host/lane_reductions.hpp"
+#include "langgs/host/varying.hpp"
 #include "langgs/host/worker_pool.hpp"
-#include "langgs/track/gicp_target.hpp"
+#include "langgs/track/lanes3.hpp"
+#include "langgs/track/photometric_term.hpp"
 #include "langgs/track/source_cloud.hpp"
+#include "langgs/track/target.hpp"
 
-/// @file The G-ICP cost of a frame at a pose: correspondences, linearisation, value. Sums run over chunks of a fixed
-/// size and are added in chunk order, so they do not depend on the number of threads.
+/// @file The G-ICP cost of a frame at a pose: correspondences, linearisation, value, 32 points at a time. Sums run over
+/// chunks of a fixed size and are added in chunk order, so they do not depend on the number of threads.
 
 namespace langgs::detail {
 
-/// One source point of a running alignment and its present correspondence.
-struct GicpPair {
-  Eigen::Vector3d point;       ///< camera frame
-  Eigen::Matrix3d covariance;  ///< camera frame
-  double weight;
-  int source;             ///< index in the source cloud
-  Neighbour target = {};  ///< index -1: none within the gate
-  /// (C_B + R C_A R^T)^-1 in the world frame times weight and kernel; 0 without a correspondence.
-  Eigen::Matrix3d precision = Eigen::Matrix3d::Zero();
-};
-
 /// Normal equations of a step [rho; theta] that moves world points x by rho + theta x (x - centre).
 struct NormalEquations {
-  Eigen::Matrix<double, 6, 6> hessian = Eigen::Matrix<double, 6, 6>::Zero();  ///< sum J^T M J
+  Eigen::Matrix<double, 6, 6> hessian = Eigen::Matrix<double, 6, 6>::Zero();  ///< sum J^T M J, upper triangle
   Twist gradient = Twist::Zero();                                             ///< sum J^T M e
   double cost = 0;                                                            ///< sum e^T M e
   double squared_normal_distance = 0;                                         ///< weighted sum [m^2]
   double weight = 0;                                                          ///< sum of weights, kernel included
   int count = 0;                                                              ///< correspondences
+};
 
-  NormalEquations& operator+=(const NormalEquations& other) {
-    hessian += other.hessian;
-    gradient += other.gradient;
-    cost += other.cost;
-    squared_normal_distance += other.squared_normal_distance;
-    weight += other.weight;
-    count += other.count;
-    return *this;
-  }
+/// Weights of the cost's terms.
+struct GicpWeights {
+  double robust_width;        ///< residual along the normal with half its weight (Cauchy kernel) [m]; 0: no kernel
+  double photometric_weight;  ///< of a squared difference of grey values; 0: none
+  double photometric_width;   ///< difference of grey values with half its weight
 };
 
 class GicpCost {
  public:
-  GicpCost(const SourceCloud& source, const GicpTarget& target, WorkerPool& pool) : target_(target), pool_(pool) {
-    pairs_.reserve(source.points.size());
-    for (int i = 0; i < source.size(); ++i) {
-      if (!source.trackable[i]) continue;
-      if (!source.points[i].allFinite() || !source.covariances[i].allFinite() || !(source.weights[i] > 0)) continue;
-      pairs_.push_back({source.points[i].cast<double>(), source.covariances[i].cast<double>(), source.weights[i], i});
-      centroid_ += pairs_.back().point;
+  /// Takes the trackable points whose values are finite.
+  explicit GicpCost(const SourceCloud& source, WorkerPool& pool)
+      : pool_(pool), photometric_(source.intensity, source.T_colour_depth) {
+    source_.reserve(source.points.size());
+    for (int i = 0; i < source.size(); ++i)
+      if (source.trackable[i] && source.points[i].allFinite() && source.covariances[i].allFinite() &&
+          source.weights[i] > 0 && source.weights[i] < std::numeric_limits<float>::infinity())
+        source_.push_back(i);
+    pitch_ = (source_.size() + kChunk - 1) / kChunk * kChunk;
+    values_.assign(kNumRows * pitch_, 0.f);
+    std::fill_n(row(kSafe), pitch_, -1.f);  // search at once
+    for (std::size_t k = 0; k < source_.size(); ++k) {
+      const int i = source_[k];
+      for (int a = 0; a < 3; ++a) row(kPoint + a)[k] = source.points[i][a];
+      const Symmetric3 covariance = symmetric3(source.covariances[i]);
+      for (int a = 0; a < 6; ++a) row(kSourceCovariance + a)[k] = covariance[a];
+      row(kWeight)[k] = source.weights[i];
+      centroid_ += source.points[i].cast<double>();
     }
-    if (pairs_.empty()) return;
-    centroid_ /= static_cast<double>(pairs_.size());
+    if (source_.empty()) return;
+    centroid_ /= static_cast<double>(source_.size());
     double squared_radius = 0;
-    for (const GicpPair& pair : pairs_) squared_radius += (pair.point - centroid_).squaredNorm();
-    radius_ = std::max(1e-3, std::sqrt(squared_radius / static_cast<double>(pairs_.size())));
+    for (const int i : source_) squared_radius += (source.points[i].cast<double>() - centroid_).squaredNorm();
+    radius_ = std::max(1e-3, std::sqrt(squared_radius / static_cast<double>(source_.size())));
   }
 
-  [[nodiscard]] const std::vector<GicpPair>& pairs() const { return pairs_; }
+  [[nodiscard]] int size() const { return static_cast<int>(source_.size()); }
+  /// Index of point k in the source cloud.
+  [[nodiscard]] int source(int k) const { return source_[k]; }
+  /// Squared distance of point k to its correspondence [m^2]; infinite without one.
+  [[nodiscard]] float squared_distance(int k) const { return row(kSquaredDistance)[k]; }
   /// Mean of the points [m], camera frame, and their rms distance from it.
   [[nodiscard]] const Eigen::Vector3d& centroid() const { return centroid_; }
   [[nodiscard]] double radius() const { return radius_; }
 
-  /// Nearest target of every point at pose T, if closer than `gate` [m] (A.6.2).
-  void find_correspondences(const Pose& T_world_camera, double gate) {
-    const auto squared_gate = static_cast<float>(gate * gate);
+  /// Nearest target of every point at pose T, if closer than `gate` [m] (A.6.2). Points that have not moved far enough
+  /// to get another nearest target are not asked again.
+  template <RegistrationTarget Target>
+  void find_correspondences(const Target& target, const Pose& T_world_camera, float gate) {
+    const PlacementLanes3 T(T_world_camera);
     for_each_chunk([&](int, int begin, int end) {
-      for (int i = begin; i < end; ++i) {
-        GicpPair& pair = pairs_[i];
-        const Eigen::Vector3f query = (T_world_camera * pair.point).cast<float>();
-        Neighbour bound{-1, squared_gate};
-        if (pair.target.index >= 0) {
-          // The former correspondence bounds the search tightly, for the pose has moved little.
-          const float squared_distance = (target_.mean(pair.target.index) - query).squaredNorm();
-          if (squared_distance < squared_gate) bound = {pair.target.index, squared_distance};
+      for (int k = begin; k < end; k += host::kLanes) {
+        const Lanes3 query = T * load3(kPoint, k);
+        const Lanes3 moved = query - load3(kQuery, k);
+        const Float way = sqrt(dot(moved, moved));
+        const Lanes3 to_target = load3(kMean, k) - query;
+        const Float squared = dot(to_target, to_target);
+        const Float matched = load(kMatched, k), safe = load(kSafe, k);
+        const Float claim = way + select(matched > 0.f, sqrt(squared), Float(gate));
+        select((matched > 0.f) & (squared < gate * gate), squared, Float(kInfinity)).store(row(kSquaredDistance) + k);
+        // Written so that NaN asks for a search.
+        std::uint32_t search = host::bits_of(!(claim <= safe));
+        if (k + host::kLanes > size()) search &= (1u << (size() % host::kLanes)) - 1;
+        for (; search != 0; search &= search - 1) {
+          const int lane = std::countr_zero(search);
+          ask(target, k + lane, {query.x.lane(lane), query.y.lane(lane), query.z.lane(lane)}, gate);
         }
-        pair.target = target_.nearest(query, bound);
       }
     });
   }
 
-  /// Linearises about pose T with the present correspondences, whose precisions it sets for that pose (A.6.3). A
-  /// correspondence `robust_width` off along its normal has half its weight (Cauchy kernel); 0: no kernel.
+  /// Linearises about pose T with the present correspondences, whose precisions it sets for that pose (A.6.3).
   [[nodiscard]] NormalEquations linearise(const Pose& T_world_camera, const Eigen::Vector3d& centre,
-                                          double robust_width) {
-    const double squared_width = robust_width * robust_width;
-    return sum<NormalEquations>([&](int i, NormalEquations& sum) {
-      GicpPair& pair = pairs_[i];
-      pair.precision.setZero();
-      if (pair.target.index < 0) return;
-      const Eigen::Matrix3d rotation = T_world_camera.linear();
-      const Eigen::Vector3d x = T_world_camera * pair.point;
-      const Eigen::Vector3d error = target_.mean(pair.target.index).cast<double>() - x;
-      const Eigen::Matrix3d covariance =
-          target_.covariance(pair.target.index).cast<double>() + rotation * pair.covariance * rotation.transpose();
-      const Eigen::Matrix3d precision = covariance.inverse();
-      if (!precision.allFinite()) return;
-      const double squared = error.dot(precision * error);
+                                          const GicpWeights& weights) {
+    const PlacementLanes3 T(T_world_camera);
+    const PhotometricLanes colour = photometric_.at(T_world_camera, brightening_);
+    const Eigen::Vector3f c3 = centre.cast<float>();
+    const Lanes3 c{Float(c3.x()), Float(c3.y()), Float(c3.z())};
+    const auto inverse_square = [](double width) { return width > 0 ? static_cast<float>(1 / (width * width)) : 0.f; };
+    const Float robust(inverse_square(weights.robust_width)), grey(inverse_square(weights.photometric_width));
+    const auto photometric_weight = static_cast<float>(weights.photometric_weight);
+    const auto sums = sum<kNumSums>([&](int k, Float(&s)[kNumSums]) LANGGS_INLINE_LAMBDA {
+      const Lanes3 mean = load3(kMean, k), x = T * load3(kPoint, k), d = x - c;
+      const Lanes3 e = mean - x;
+      Symmetric m = inverse(load_symmetric(kTargetCovariance, k) + T.rotate(load_symmetric(kSourceCovariance, k)));
+      const Float squared = dot(e, m * e);
       // The trace is nearly the precision along the normal alone: this is the distance along it.
-      const double squared_normal_distance = squared / precision.trace();
-      if (!(squared_normal_distance >= 0)) return;
-      const double kernel = squared_width > 0 ? 1 / (1 + squared_normal_distance / squared_width) : 1;
-      const double weight = pair.weight * kernel;
-      pair.precision = weight * precision;
+      const Float squared_normal = squared / m.trace();
+      const host::Mask valid = (load(kSquaredDistance, k) < kInfinity) & (squared_normal >= 0.f) &
+                               (squared < kInfinity) & (m.trace() < kInfinity);
+      const Float zero(0.f), kernel = 1.f / (1.f + squared_normal * robust);
+      const Float weight = select(valid, load(kWeight, k) * kernel, zero);
+      m = weight * select(valid, m, Symmetric{zero, zero, zero, zero, zero, zero});
+      store_symmetric(m, kPrecision, k);
+      const Lanes3 error = select(valid, e, Lanes3{zero, zero, zero});
+      Lanes3 force = m * error;
 
-      const Eigen::Matrix3d hat = skew(x - centre);  // J = [-I, hat]
-      const Eigen::Matrix3d precision_hat = pair.precision * hat;
-      const Eigen::Vector3d force = pair.precision * error;
-      sum.hessian.topLeftCorner<3, 3>() += pair.precision;
-      sum.hessian.topRightCorner<3, 3>() -= precision_hat;
-      sum.hessian.bottomRightCorner<3, 3>() += hat.transpose() * precision_hat;
-      sum.gradient.head<3>() -= force;
-      sum.gradient.tail<3>() += hat.transpose() * force;
-      sum.cost += weight * squared;
-      sum.squared_normal_distance += weight * squared_normal_distance;
-      sum.weight += weight;
-      ++sum.count;
+      // The grey value has the same Jacobian, along its gradient in space.
+      const PhotometricLanes::Value p = colour.value(mean, load(kIntensity, k));
+      const Float colour_weight = select(p.valid & valid, weight * photometric_weight / (1.f + p.residual * p.residual * grey), zero);
+      colour_weight.store(row(kColourWeight) + k);
+      const Float residual = select(p.valid, p.residual, zero), pull = colour_weight * residual;
+      const Lanes3 g = select(p.valid, p.gradient, Lanes3{zero, zero, zero});
+      m = m + colour_weight * Symmetric{g.x * g.x, g.x * g.y, g.x * g.z, g.y * g.y, g.y * g.z, g.z * g.z};
+      force = Lanes3{force.x + pull * g.x, force.y + pull * g.y, force.z + pull * g.z};
+
+      // J = [-I, hat(d)]: rows of M hat, then the upper triangle of hat^T M hat.
+      const Lanes3 px = cross({m.xx, m.xy, m.xz}, d), py = cross({m.xy, m.yy, m.yz}, d), pz = cross({m.xz, m.yz, m.zz}, d);
+      const Lanes3 torque = cross(d, force);
+      const Float terms[kNumSums] = {
+          m.xx, m.xy, m.xz, m.yy, m.yz, m.zz,
+          px.x, px.y, px.z, py.x, py.y, py.z, pz.x, pz.y, pz.z,
+          d.z * py.x - d.y * pz.x, d.z * py.y - d.y * pz.y, d.z * py.z - d.y * pz.z,
+          d.x * pz.y - d.z * px.y, d.x * pz.z - d.z * px.z, d.y * px.z - d.x * py.z,
+          force.x, force.y, force.z, torque.x, torque.y, torque.z,
+          weight * select(valid, squared, zero), weight * select(valid, squared_normal, zero), weight,
+          select(valid, Float(1.f), zero), pull * residual, pull, colour_weight};
+      for (int i = 0; i < kNumSums; ++i) s[i] += terms[i];
     });
+    NormalEquations result = assembled(sums);
+    // The mean difference is a change of exposure, to be left out from the next linearisation on.
+    next_brightening_ = brightening_ + (sums[33] > 0 ? static_cast<float>(sums[32] / sums[33]) : 0.f);
+    return result;
   }
 
-  /// The cost at another pose with the correspondences and precisions of the last linearisation.
+  /// The cost at another pose with the correspondences and weights of the last linearisation.
   [[nodiscard]] double value(const Pose& T_world_camera) {
-    return sum<double>([&](int i, double& sum) {
-      const GicpPair& pair = pairs_[i];
-      if (pair.target.index < 0) return;
-      const Eigen::Vector3d error = target_.mean(pair.target.index).cast<double>() - T_world_camera * pair.point;
-      sum += error.dot(pair.precision * error);
-    });
+    const PlacementLanes3 T(T_world_camera);
+    const PhotometricLanes colour = photometric_.at(T_world_camera, brightening_);
+    return sum<1>([&](int k, Float(&s)[1]) LANGGS_INLINE_LAMBDA {
+      const Lanes3 mean = load3(kMean, k), e = mean - T * load3(kPoint, k);
+      const PhotometricLanes::Value p = colour.value(mean, load(kIntensity, k));
+      const Float photometric = load(kColourWeight, k) * select(p.valid, p.residual * p.residual, Float(0.f));
+      const Float cost = dot(e, load_symmetric(kPrecision, k) * e) + photometric;
+      s[0] += select(load(kSquaredDistance, k) < kInfinity, cost, Float(0.f));
+    })[0];
   }
+
+  /// To be called after a step: what the last linearisation learnt about the exposure holds from now on.
+  void adopt_exposure() { brightening_ = next_brightening_; }
 
  private:
-  static constexpr int kChunk = 256;
+  using Float = host::Varying<float>;
+  using Symmetric = SymmetricLanes3;
+  static constexpr int kChunk = 256, kNumSums = 34;
+  static constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  static_assert(kChunk % host::kLanes == 0);
+
+  /// Values of the points, a row of `pitch_` for each.
+  enum Row {
+    kPoint,                                    // 3, camera frame
+    kSourceCovariance = kPoint + 3,            // 6, camera frame
+    kWeight = kSourceCovariance + 6,           //
+    kQuery,                                    // 3, where the target was last asked, world frame
+    kSafe = kQuery + 3,                        // no other target Gaussian was closer then
+    kMatched,                                  // 1 if the answer was a Gaussian, which is
+    kMean,                                     // 3
+    kTargetCovariance = kMean + 3,             // 6
+    kIntensity = kTargetCovariance + 6,        // negative: not known
+    kSquaredDistance,                          // to it now; infinite where it does not count
+    kPrecision,                                // 6, (C_B + R C_A R^T)^-1 times weight and kernel, world frame
+    kColourWeight = kPrecision + 6,            // photometric weight, kernel included
+    kNumRows
+  };
+
+  [[nodiscard]] float* row(int r) { return values_.data() + r * pitch_; }
+  [[nodiscard]] const float* row(int r) const { return values_.data() + r * pitch_; }
+  LANGGS_INLINE Float load(int r, int k) const { return Float::load(row(r) + k); }
+  LANGGS_INLINE Lanes3 load3(int r, int k) const { return {load(r, k), load(r + 1, k), load(r + 2, k)}; }
+  LANGGS_INLINE Symmetric load_symmetric(int r, int k) const {
+    return {load(r, k), load(r + 1, k), load(r + 2, k), load(r + 3, k), load(r + 4, k), load(r + 5, k)};
+  }
+  LANGGS_INLINE void store_symmetric(const Symmetric& m, int r, int k) {
+    const Float* const values[6] = {&m.xx, &m.xy, &m.xz, &m.yy, &m.yz, &m.zz};
+    for (int a = 0; a < 6; ++a) values[a]->store(row(r + a) + k);
+  }
+
+  template <RegistrationTarget Target>
+  void ask(const Target& target, int k, const Eigen::Vector3f& query, float gate) {
+    const TargetMatch match = target.nearest(query, gate);
+    for (int a = 0; a < 3; ++a) row(kQuery + a)[k] = query[a];
+    row(kSafe)[k] = match.others_beyond;
+    row(kMatched)[k] = match.gaussian != nullptr;
+    row(kSquaredDistance)[k] = match.gaussian != nullptr ? match.squared_distance : kInfinity;
+    if (match.gaussian == nullptr) return;
+    for (int a = 0; a < 3; ++a) row(kMean + a)[k] = match.gaussian->mean[a];
+    for (int a = 0; a < 6; ++a) row(kTargetCovariance + a)[k] = match.gaussian->covariance[a];
+    row(kIntensity)[k] = match.gaussian->intensity;
+  }
 
   template <class Body>
   void for_each_chunk(Body&& body) {
-    const int n = static_cast<int>(pairs_.size());
-    pool_.run((n + kChunk - 1) / kChunk,
-              [&](int chunk) { body(chunk, chunk * kChunk, std::min(n, (chunk + 1) * kChunk)); });
+    pool_.run(static_cast<int>(pitch_) / kChunk, [&](int chunk) {
+      body(chunk, chunk * kChunk, std::min(size(), (chunk + 1) * kChunk));
+    });
   }
 
-  template <class Sum, class Body>
-  [[nodiscard]] Sum sum(Body&& body) {
-    std::vector<Sum> partial((pairs_.size() + kChunk - 1) / kChunk, Sum{});
+  template <int N, class Body>
+  [[nodiscard]] std::array<double, N> sum(Body&& body) {
+    partial_.assign(pitch_ / kChunk * N, 0.f);
     for_each_chunk([&](int chunk, int begin, int end) {
-      for (int i = begin; i < end; ++i) body(i, partial[chunk]);
+      Float lanes[N];
+      for (Float& l : lanes) l = Float(0.f);
+      for (int k = begin; k < end; k += host::kLanes) body(k, lanes);
+      float sums[N];
+      host::reduce_sums(lanes, sums);
+      std::copy_n(sums, N, partial_.data() + chunk * N);
     });
-    Sum total{};
-    for (const Sum& part : partial) total += part;
+    std::array<double, N> total{};
+    for (std::size_t i = 0; i < partial_.size(); ++i) total[i % N] += static_cast<double>(partial_[i]);
     return total;
   }
 
-  const GicpTarget& target_;
+  [[nodiscard]] static NormalEquations assembled(const std::array<double, kNumSums>& s) {
+    NormalEquations n;
+    n.hessian.row(0) << s[0], s[1], s[2], -s[6], -s[7], -s[8];
+    n.hessian.row(1) << s[1], s[3], s[4], -s[9], -s[10], -s[11];
+    n.hessian.row(2) << s[2], s[4], s[5], -s[12], -s[13], -s[14];
+    n.hessian.row(3).tail<3>() << s[15], s[16], s[17];
+    n.hessian.row(4).tail<2>() << s[18], s[19];
+    n.hessian(5, 5) = s[20];
+    n.gradient << -s[21], -s[22], -s[23], -s[24], -s[25], -s[26];
+    n.cost = s[27] + s[31];
+    n.squared_normal_distance = s[28];
+    n.weight = s[29];
+    n.count = static_cast<int>(std::lround(s[30]));
+    return n;
+  }
+
   WorkerPool& pool_;
-  std::vector<GicpPair> pairs_;
+  PhotometricTerm photometric_;
+  float brightening_ = 0, next_brightening_ = 0;  // mean difference of the frame's grey values from the map's
+  std::vector<int> source_;
+  std::size_t pitch_ = 0;
+  std::vector<float> values_, partial_;
   Eigen::Vector3d centroid_ = Eigen::Vector3d::Zero();
   double radius_ = 1;
 };

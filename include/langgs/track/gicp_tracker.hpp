@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -11,10 +10,11 @@
 
 #include "langgs/core/error.hpp"
 #include "langgs/core/pose.hpp"
+#include "langgs/core/symmetric_eigen.hpp"
 #include "langgs/host/worker_pool.hpp"
 #include "langgs/track/gicp_cost.hpp"
-#include "langgs/track/gicp_target.hpp"
 #include "langgs/track/source_cloud.hpp"
+#include "langgs/track/target.hpp"
 
 /// @file Generalised ICP (Segal et al. 2009) of a frame's grid cloud to map Gaussians (A.6).
 
@@ -29,7 +29,12 @@ struct GicpSettings {
   double rotation_epsilon = 5e-4;     ///< converged when a step turns by less [rad]
   double translation_epsilon = 2e-4;  ///< and moves the cloud's centre by less [m]
   /// Residual along the surface normal at which a correspondence has half its weight (Cauchy kernel) [m]; 0: no kernel.
-  double robust_width = 0.02;
+  double robust_width = 0.01;
+  /// What a grey value off by 1 costs, relative to a point 1 m off along its surface: colour decides where geometry
+  /// leaves the pose open, and hardly elsewhere. 0: colour is not used.
+  double photometric_weight = 1;
+  double photometric_below = 6e-3;  ///< colour enters where geometry alone is conditioned worse than this
+  double photometric_width = 0.1;  ///< grey value off at which a point has half its photometric weight
   int min_correspondences = 50;
   /// Directions whose curvature is less than this fraction of the best one's count as open: the paper's covariances
   /// alone leave 2e-3 along a bare wall.
@@ -46,6 +51,9 @@ inline void validate(const GicpSettings& s) {
   LANGGS_EXPECTS(s.rotation_epsilon > 0 && s.translation_epsilon > 0, "epsilons are ", s.rotation_epsilon, " rad and ",
                  s.translation_epsilon, " m; they must be positive");
   LANGGS_EXPECTS(s.robust_width >= 0, "robust_width is ", s.robust_width, " m; it must not be negative");
+  LANGGS_EXPECTS(s.photometric_weight >= 0 && s.photometric_width > 0, "photometric weight and width are ",
+                 s.photometric_weight, " and ", s.photometric_width,
+                 "; the weight must not be negative, the width positive");
   LANGGS_EXPECTS(s.min_correspondences >= 6, "min_correspondences is ", s.min_correspondences,
                  "; a pose needs at least 6");
   LANGGS_EXPECTS(s.degenerate_ratio >= 0 && s.degenerate_ratio < 1, "degenerate_ratio is ", s.degenerate_ratio,
@@ -92,14 +100,15 @@ class GicpTracker {
   [[nodiscard]] const GicpSettings& settings() const { return settings_; }
 
   /// What `align` would report at a pose that is known: overlap, distances, information. The pose is not changed.
-  [[nodiscard]] GicpResult evaluate(const SourceCloud& source, const GicpTarget& target, const Pose& T_world_camera,
+  template <RegistrationTarget Target>
+  [[nodiscard]] GicpResult evaluate(const SourceCloud& source, const Target& target, const Pose& T_world_camera,
                                     WorkerPool& pool) const {
     LANGGS_EXPECTS(is_finite(T_world_camera), "the pose to evaluate is not finite");
     GicpResult result;
     result.T_world_camera = T_world_camera;
     result.status = GicpStatus::converged;
-    detail::GicpCost cost(source, target, pool);
-    report(cost, source.size(), result);
+    detail::GicpCost cost(source, pool);
+    report(cost, target, source.size(), result);
     return result;
   }
 
@@ -109,19 +118,20 @@ class GicpTracker {
   /// perturbation about the cloud's centre. Never throws for bad data, never loops beyond the cap, and its pose is
   /// always finite if the guess is: failure hands the guess back and says so in the status. The same bits for any
   /// number of threads. Throws InvalidArgument if the guess is not finite.
-  [[nodiscard]] GicpResult align(const SourceCloud& source, const GicpTarget& target,
-                                 const Pose& initial_T_world_camera, WorkerPool& pool) const {
+  template <RegistrationTarget Target>
+  [[nodiscard]] GicpResult align(const SourceCloud& source, const Target& target, const Pose& initial_T_world_camera,
+                                 WorkerPool& pool) const {
     LANGGS_EXPECTS(is_finite(initial_T_world_camera), "initial pose is not finite; pass the last good pose");
     const std::size_t n = source.points.size();
     LANGGS_EXPECTS(source.covariances.size() == n && source.weights.size() == n && source.trackable.size() == n,
                    "source cloud has ", n, " points but ", source.covariances.size(), " covariances, ",
                    source.weights.size(), " weights, ", source.trackable.size(), " flags; use make_source_cloud");
     GicpResult result;
-    detail::GicpCost cost(source, target, pool);
-    result.status = iterate(cost, initial_T_world_camera, result);
+    detail::GicpCost cost(source, pool);
+    result.status = iterate(cost, target, initial_T_world_camera, result);
     if (!is_finite(result.T_world_camera)) result.status = GicpStatus::failed;
     if (!has_pose(result.status)) result.T_world_camera = initial_T_world_camera;
-    report(cost, source.size(), result);
+    report(cost, target, source.size(), result);
     return result;
   }
 
@@ -131,26 +141,35 @@ class GicpTracker {
     Twist units;  ///< diagonal S, step = S y
     Twist values;
     Eigen::Matrix<double, 6, 6> directions;  ///< columns, of y
+    [[nodiscard]] double conditioning() const { return std::max(0.0, values[0] / values[5]); }
   };
 
-  GicpStatus iterate(detail::GicpCost& cost, const Pose& initial_T_world_camera, GicpResult& result) const {
+  template <class Target>
+  GicpStatus iterate(detail::GicpCost& cost, const Target& target, const Pose& initial_T_world_camera, GicpResult& result) const {
     Pose& T = result.T_world_camera;
     T = initial_T_world_camera;
     double gate = settings_.coarse_distance;
     double damping = kInitialDamping;
+    double photometric_weight = 0;
     while (result.iterations < settings_.max_iterations) {
       ++result.iterations;
-      cost.find_correspondences(T, gate);
+      cost.find_correspondences(target, T, static_cast<float>(gate));
       const Eigen::Vector3d centre = T * cost.centroid();
       // A kernel as wide as the gate asks for: far from the solution large residuals are the signal.
       const double width = settings_.robust_width * gate / settings_.max_distance;
-      const detail::NormalEquations system = cost.linearise(T, centre, width);
+      detail::NormalEquations system = cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
       if (system.count < settings_.min_correspondences) return GicpStatus::too_few_correspondences;
       if (!system.hessian.allFinite() || !system.gradient.allFinite()) return GicpStatus::failed;
 
-      const Curvature curvature = decompose(system.hessian, cost.radius());
+      Curvature curvature = decompose(system.hessian, cost.radius());
+      if (photometric_weight == 0 && curvature.conditioning() < settings_.photometric_below) {
+        photometric_weight = settings_.photometric_weight;
+        system = cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
+        curvature = decompose(system.hessian, cost.radius());
+      }
       const Twist step = damped_step(cost, system, curvature, T, damping);
       T = renormalized(moved_about(centre, step) * T);
+      cost.adopt_exposure();
 
       const bool finest = gate <= settings_.max_distance;
       const double moved = step.head<3>().norm() + cost.radius() * step.tail<3>().norm();
@@ -175,7 +194,7 @@ class GicpTracker {
         if (curvature.values[k] > settings_.degenerate_ratio * largest)
           along[k] = -slope[k] / (curvature.values[k] + damping * largest);
       const Twist step = curvature.units.asDiagonal() * (curvature.directions * along);
-      if (step.allFinite() && cost.value(moved_about(centre, step) * T) <= system.cost) {
+      if (step.allFinite() && cost.value(moved_about(centre, step) * T) <= system.cost * (1 + kCostNoise)) {
         damping = std::max(kInitialDamping, 0.1 * damping);
         return step;
       }
@@ -185,26 +204,31 @@ class GicpTracker {
   }
 
   /// Everything that is said about the final pose, computed at the final pose (A.18, B9).
-  void report(detail::GicpCost& cost, int num_points, GicpResult& result) const {
+  template <class Target>
+  void report(detail::GicpCost& cost, const Target& target, int num_points, GicpResult& result) const {
     const Pose& T = result.T_world_camera;
     const double reach = std::max(settings_.max_distance, std::sqrt(settings_.overlap_squared_distance));
-    cost.find_correspondences(T, reach);
+    cost.find_correspondences(target, T, static_cast<float>(reach));
     result.squared_distance.assign(num_points, std::numeric_limits<float>::infinity());
     int covered = 0;
-    for (const detail::GicpPair& pair : cost.pairs()) {
-      if (pair.target.index < 0) continue;
-      result.squared_distance[pair.source] = pair.target.squared_distance;
-      covered += pair.target.squared_distance < settings_.overlap_squared_distance;
+    for (int k = 0; k < cost.size(); ++k) {
+      result.squared_distance[cost.source(k)] = cost.squared_distance(k);
+      covered += static_cast<double>(cost.squared_distance(k)) < settings_.overlap_squared_distance;
     }
-    if (!cost.pairs().empty()) result.overlap = covered / static_cast<double>(cost.pairs().size());
+    if (cost.size() > 0) result.overlap = covered / static_cast<double>(cost.size());
 
     const Eigen::Vector3d centre = T * cost.centroid();
-    const detail::NormalEquations system = cost.linearise(T, centre, settings_.robust_width);
+    detail::GicpWeights weights{settings_.robust_width, 0, settings_.photometric_width};
+    detail::NormalEquations system = cost.linearise(T, centre, weights);
     result.num_correspondences = system.count;
     if (system.count == 0 || !(system.weight > 0) || !system.hessian.allFinite()) return;
     result.inlier_rms = std::sqrt(system.squared_normal_distance / system.weight);
-    const Curvature curvature = decompose(system.hessian, cost.radius());
-    result.conditioning = std::max(0.0, curvature.values[0] / curvature.values[5]);
+    result.conditioning = decompose(system.hessian, cost.radius()).conditioning();
+    if (result.conditioning < settings_.photometric_below) {
+      weights.photometric_weight = settings_.photometric_weight;
+      system = cost.linearise(T, centre, weights);
+      result.conditioning = decompose(system.hessian, cost.radius()).conditioning();
+    }
     const bool settled = result.status == GicpStatus::converged || result.status == GicpStatus::iteration_limit;
     if (settled && result.conditioning <= settings_.degenerate_ratio) result.status = GicpStatus::degenerate;
 
@@ -222,10 +246,10 @@ class GicpTracker {
   [[nodiscard]] static Curvature decompose(const Eigen::Matrix<double, 6, 6>& hessian, double radius) {
     Curvature curvature;
     curvature.units << 1, 1, 1, 1 / radius, 1 / radius, 1 / radius;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(
-        curvature.units.asDiagonal() * full(hessian) * curvature.units.asDiagonal());
-    curvature.values = solver.eigenvalues();
-    curvature.directions = solver.eigenvectors();
+    const SymmetricEigen<6> eigen = symmetric_eigen<6>(curvature.units.asDiagonal() * full(hessian) *
+                                                       curvature.units.asDiagonal());
+    curvature.values = eigen.values;
+    curvature.directions = eigen.vectors;
     return curvature;
   }
 
@@ -239,6 +263,7 @@ class GicpTracker {
 
   static constexpr double kInitialDamping = 1e-9;  // of the largest curvature: Gauss-Newton unless that fails
   static constexpr double kGateOverStep = 3;  // what is left to move is about the last step: keep thrice that in reach
+  static constexpr double kCostNoise = 1e-6;  // of sums in single precision
   static constexpr int kMaxTrials = 10;       // ends at a damping of 1: plain gradient descent
   static constexpr double kMinVariance = 1e-12;  // m^2; perfect data must not claim infinite information
 

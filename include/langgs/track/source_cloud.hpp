@@ -11,8 +11,10 @@
 
 #include "langgs/core/camera.hpp"
 #include "langgs/core/error.hpp"
+#include "langgs/core/pose.hpp"
 #include "langgs/frame/rgbd_frame.hpp"
 #include "langgs/host/worker_pool.hpp"
+#include "langgs/track/intensity_image.hpp"
 
 /// @file Depth image -> grid cloud with the local surface shape of every point.
 
@@ -34,6 +36,7 @@ struct SourceCloudSettings {
   /// of structured light (Nguyen et al. 2012); the floor is the noise of the map itself, which does not grow.
   float noise_floor = 0.003f;
   float noise_z2 = 0.0019f;  ///< [1/m]
+  int intensity_square = 4;  ///< grey values are averages over squares of this side [px]
 };
 
 /// A frame's grid cloud, structure of arrays, all of length N. Camera frame, metres.
@@ -45,6 +48,8 @@ struct SourceCloud {
   std::vector<Eigen::Matrix3f> covariances;  ///< [N, 3, 3] regularised for G-ICP: (1, 1, plane_thickness), no unit
   std::vector<float> weights;                ///< [N] weight in the registration, in (0, 1]
   std::vector<std::uint8_t> trackable;       ///< [N] 1 where the point takes part in the registration
+  IntensityImage intensity;                  ///< of the frame's colour; empty without
+  Pose T_colour_depth = Pose::Identity();    ///< where depth was taken, seen from where colour was
 
   [[nodiscard]] int size() const { return static_cast<int>(points.size()); }
   [[nodiscard]] int num_trackable() const {
@@ -73,6 +78,8 @@ inline void validate(const SourceCloudSettings& s) {
                  "; it must be in (0, 1]");
   LANGGS_EXPECTS(s.noise_floor > 0 && s.noise_z2 >= 0, "depth noise is ", s.noise_floor, " + ", s.noise_z2,
                  " z^2; the floor must be positive, the growth not negative");
+  LANGGS_EXPECTS(s.intensity_square >= 1 && s.intensity_square <= 64, "intensity_square is ", s.intensity_square,
+                 " px; it must be in [1, 64]");
 }
 
 namespace detail {
@@ -189,6 +196,7 @@ inline void describe_point(const Image<float>& depth, const Camera& camera, cons
     for (int i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i)
       detail::describe_point(depth, camera, settings, i, cloud);
   });
+  cloud.intensity = make_intensity_image(frame.colour, camera, settings.intensity_square, pool);
   return cloud;
 }
 

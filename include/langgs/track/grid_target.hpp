@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "langgs/core/rng.hpp"
+#include "langgs/host/lane_reductions.hpp"
+#include "langgs/host/varying.hpp"
+#include "langgs/track/target.hpp"
+
+/// @file Map Gaussians in a sparse grid: exact nearest neighbours, and updates that share what has not changed.
+
+namespace langgs {
+
+namespace detail {
+
+/// A cube of 4 x 4 x 4 cells and the Gaussians in it, cell by cell. Immutable once built.
+class GridBlock {
+ public:
+  static constexpr int kSide = 4, kCells = 64;
+  static constexpr int kSlotBits = 25;  ///< most Gaussians in a block: 33 million in a cube of 26 cm
+
+  /// `gaussians` in the order of the map; cell_of(g) in [0, 64).
+  template <class CellOf>
+  GridBlock(const std::vector<TargetGaussian>& gaussians, CellOf&& cell_of) {
+    std::vector<std::uint8_t> cells;
+    cells.reserve(gaussians.size());
+    for (const TargetGaussian& g : gaussians) {
+      cells.push_back(static_cast<std::uint8_t>(cell_of(g)));
+      ++begin_[cells.back() + 1];
+    }
+    for (int c = 0; c < kCells; ++c) {
+      if (begin_[c + 1] > 0) occupied_ |= std::uint64_t{1} << c;
+      begin_[c + 1] += begin_[c];
+    }
+    std::array<std::int32_t, kCells> next;
+    std::copy_n(begin_.begin(), kCells, next.begin());
+    gaussians_.resize(gaussians.size());
+    coordinates_.assign(3 * pitch(), std::numeric_limits<float>::infinity());
+    for (std::size_t i = 0; i < gaussians.size(); ++i) {
+      const std::int32_t slot = next[cells[i]]++;
+      gaussians_[slot] = gaussians[i];
+      for (int a = 0; a < 3; ++a) coordinates_[a * pitch() + slot] = gaussians[i].mean[a];
+    }
+  }
+
+  [[nodiscard]] std::uint64_t occupied() const { return occupied_; }  ///< bit c: cell c has Gaussians
+  [[nodiscard]] const std::vector<TargetGaussian>& gaussians() const { return gaussians_; }
+  [[nodiscard]] int begin(int cell) const { return begin_[cell]; }
+  [[nodiscard]] int end(int cell) const { return begin_[cell + 1]; }
+  [[nodiscard]] const float* coordinate(int axis) const { return coordinates_.data() + axis * pitch(); }
+
+ private:
+  /// A whole vector may be read at every Gaussian.
+  [[nodiscard]] std::size_t pitch() const { return gaussians_.size() + host::Varying<float>::kNativeLanes; }
+
+  std::uint64_t occupied_ = 0;
+  std::array<std::int32_t, kCells + 1> begin_{};
+  std::vector<TargetGaussian> gaussians_;
+  std::vector<float> coordinates_;  // [3, pitch]
+};
+
+/// The nearest Gaussian so far, and how far away the second one is. Lane by lane until somebody asks.
+class NearestTwo {
+ public:
+  explicit NearestTwo(const Eigen::Vector3f& query) : query_(query) {}
+
+  LANGGS_INLINE void visit(const GridBlock& block, int cell) {
+    if (num_visits_ == kMaxVisits) settle();
+    const int end = block.end(cell);
+    for (int i = block.begin(cell); i < end; i += kNativeLanes) {
+      const Native dx = *reinterpret_cast<const Unaligned*>(block.coordinate(0) + i) - query_.x();
+      const Native dy = *reinterpret_cast<const Unaligned*>(block.coordinate(1) + i) - query_.y();
+      const Native dz = *reinterpret_cast<const Unaligned*>(block.coordinate(2) + i) - query_.z();
+      Native d = dx * dx + dy * dy + dz * dz;
+      const Index slot = first_lanes() + i;
+      d = slot < end ? d : kInfinity - Native{};  // the lanes beyond belong to other cells
+      const Index nearer = d < best_;
+      second_ = host::detail::smaller(second_, host::detail::larger(d, best_));
+      best_ = host::detail::smaller(d, best_);
+      slot_ = nearer ? slot | num_visits_ << kSlotBits : slot_;
+    }
+    blocks_[num_visits_++] = &block;
+  }
+
+  /// Takes the lanes' findings over. Must be called before anything is read.
+  LANGGS_INLINE void settle() {
+    const float least = least_of(best_);
+    if (least < squared_distance) {
+      const Index winners = best_ == least;
+      const int winner = std::countr_zero(host::detail::bits_of_part(winners));
+      squared_second = std::min(squared_second, squared_distance);
+      squared_distance = least;
+      const std::int32_t slot = slot_[winner];
+      gaussian = &blocks_[slot >> kSlotBits]->gaussians()[slot & ((1 << kSlotBits) - 1)];
+      best_ = first_lanes() == winner ? kInfinity - Native{} : best_;
+    }
+    squared_second = std::min(squared_second, least_of(host::detail::smaller(best_, second_)));
+    best_ = second_ = kInfinity - Native{};
+    num_visits_ = 0;
+  }
+
+  const TargetGaussian* gaussian = nullptr;
+  float squared_distance = kInfinity, squared_second = kInfinity;
+
+ private:
+  using Native = host::Varying<float>::Native;
+  using Unaligned = host::Varying<float>::Unaligned;
+  using Index = host::Varying<std::int32_t>::Native;
+  static constexpr int kNativeLanes = host::Varying<float>::kNativeLanes;
+  static constexpr int kSlotBits = GridBlock::kSlotBits, kMaxVisits = 1 << (31 - kSlotBits);
+  static constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+  LANGGS_INLINE static Index first_lanes() { return host::lane_index().part[0]; }
+
+  template <int kSpan, int... kLane>
+  LANGGS_INLINE static Native turned(const Native& v, std::integer_sequence<int, kLane...>) {
+    return __builtin_shufflevector(v, v, ((kLane + kSpan) % kNativeLanes)...);
+  }
+  template <int kSpan = kNativeLanes / 2>
+  LANGGS_INLINE static float least_of(const Native& v) {
+    const Native w = host::detail::smaller(v, turned<kSpan>(v, std::make_integer_sequence<int, kNativeLanes>{}));
+    if constexpr (kSpan == 1)
+      return w[0];
+    else
+      return least_of<kSpan / 2>(w);
+  }
+
+  Eigen::Vector3f query_;
+  Native best_ = kInfinity - Native{}, second_ = kInfinity - Native{};
+  Index slot_{};
+  int num_visits_ = 0;
+  std::array<const GridBlock*, kMaxVisits> blocks_;
+};
+
+}  // namespace detail
+
+/// Map Gaussians in cubic cells, sixty-four cells to a block.
+///
+/// Immutable, and cheap to renew: `renewed` shares the blocks whose Gaussians have stayed where they were. Share it
+/// between threads as std::shared_ptr<const GridTarget>. Gaussians with values that are not finite, or farther than
+/// kMaxTargetCoordinate from the origin, are left out.
+class GridTarget {
+ public:
+  /// Side of a cell [m]. Half of it is searched in one look at eight cells, and covers the distances that keyframe
+  /// selection and insertion ask for.
+  static constexpr float kCell = 0.064f;
+  /// How much farther than the nearest Gaussian is looked [m]: a query may move by half of it before it is asked again.
+  static constexpr float kMargin = 0.006f;
+
+  GridTarget() = default;
+  explicit GridTarget(const std::vector<TargetGaussian>& gaussians) : GridTarget(GridTarget{}.renewed(gaussians)) {}
+
+  /// The target of a map that has changed: blocks in which no Gaussian came, went, or moved by `tolerance` [m] are
+  /// shared with this one.
+  [[nodiscard]] GridTarget renewed(const std::vector<TargetGaussian>& gaussians, float tolerance = 0) const {
+    // Gaussians block by block, in the map's order within each.
+    GridTarget result;
+    std::vector<std::int32_t> block_of(gaussians.size(), -1), first;
+    for (std::size_t i = 0; i < gaussians.size(); ++i) {
+      if (!detail::is_usable(gaussians[i])) continue;
+      const std::int32_t block = result.table_.insert(key(block_coordinates(gaussians[i].mean)));
+      block_of[i] = block;
+      if (block == static_cast<std::int32_t>(first.size())) first.push_back(0);
+      ++first[block];
+      ++result.size_;
+    }
+    std::int32_t sum = 0;
+    for (std::int32_t& f : first) sum += std::exchange(f, sum);
+    std::vector<std::int32_t> next = first, order(sum);
+    for (std::size_t i = 0; i < gaussians.size(); ++i)
+      if (block_of[i] >= 0) order[next[block_of[i]]++] = static_cast<std::int32_t>(i);
+
+    std::vector<TargetGaussian> members;
+    for (std::size_t b = 0; b < first.size(); ++b) {
+      members.clear();
+      for (std::int32_t k = first[b]; k < next[b]; ++k) members.push_back(gaussians[order[k]]);
+      result.blocks_.push_back(shared_or_new(result.table_.key(static_cast<std::int32_t>(b)), members, tolerance));
+    }
+    return result;
+  }
+
+  [[nodiscard]] int size() const { return size_; }
+  [[nodiscard]] int num_blocks() const { return static_cast<int>(blocks_.size()); }
+  /// Blocks that this target has in common with another one.
+  [[nodiscard]] int num_shared_with(const GridTarget& other) const {
+    int shared = 0;
+    for (const auto& block : blocks_)
+      shared += std::find(other.blocks_.begin(), other.blocks_.end(), block) != other.blocks_.end();
+    return shared;
+  }
+
+  /// f(gaussian) for every `step`th Gaussian.
+  template <class F>
+  void for_each(int step, F&& f) const {
+    std::size_t next = 0;
+    for (const auto& block : blocks_) {
+      const std::vector<TargetGaussian>& members = block->gaussians();
+      for (; next < members.size(); next += step) f(members[next]);
+      next -= members.size();
+    }
+  }
+
+  /// The Gaussian nearest to `query` if it is closer than `radius` [m]. Exact.
+  [[nodiscard]] TargetMatch nearest(const Eigen::Vector3f& query, float radius) const {
+    TargetMatch none{nullptr, 0, radius};
+    if (blocks_.empty() || !(query.cwiseAbs().maxCoeff() <= kMaxTargetCoordinate) || !query.allFinite()) return none;
+    detail::NearestTwo found(query);
+    const Eigen::Array3f in_cells = query.array() * (1 / kCell);
+    const Eigen::Array3f floor = in_cells.floor();
+    const Eigen::Array3i own = floor.cast<int>();
+    const Eigen::Array3f into = in_cells - floor;
+    // The cells next to the query, by axis: on which side, and how far away.
+    const Eigen::Array3f aside = kCell * into.min(1 - into);
+    const Eigen::Array3f squared = aside.square();
+    const int side[3] = {into.x() < 0.5f ? -1 : 1, into.y() < 0.5f ? -1 : 1, into.z() < 0.5f ? -1 : 1};
+    visit_cell(own, found);
+    found.settle();
+    float reach = reach_of(found, radius);
+    for (int corner = 1; corner < 8; ++corner) {
+      const bool x = corner & 1, y = corner & 2, z = corner & 4;
+      if (x * squared.x() + y * squared.y() + z * squared.z() > reach * reach) continue;
+      visit_cell({own.x() + x * side[0], own.y() + y * side[1], own.z() + z * side[2]}, found);
+    }
+    found.settle();
+    const float searched = std::min(reach, kCell - aside.maxCoeff());
+    reach = reach_of(found, radius);
+    if (searched < reach && found.squared_distance > searched * searched) {
+      visit_others(query, own, side, reach, found);
+      found.settle();
+    } else {
+      reach = searched;
+    }
+    if (!(found.squared_distance < radius * radius)) return none;
+    return {found.gaussian, found.squared_distance, std::min(std::sqrt(found.squared_second), reach)};
+  }
+
+ private:
+  /// Keys of blocks, each with the order of its insertion; open addressing.
+  class Table {
+   public:
+    static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+
+    [[nodiscard]] std::int32_t find(std::uint64_t key) const {
+      for (std::size_t at = mix64(key) & mask();; at = (at + 1) & mask()) {
+        if (slots_[at].first == key) return slots_[at].second;
+        if (slots_[at].first == kEmpty) return -1;
+      }
+    }
+    std::int32_t insert(std::uint64_t key) {
+      if (keys_.empty() || keys_.size() * 2 > slots_.size()) grow();
+      const std::int32_t known = find(key);
+      if (known >= 0) return known;
+      const auto index = static_cast<std::int32_t>(keys_.size());
+      keys_.push_back(key);
+      place(key, index);
+      return index;
+    }
+    [[nodiscard]] std::uint64_t key(std::int32_t index) const { return keys_[index]; }
+
+   private:
+    [[nodiscard]] std::size_t mask() const { return slots_.size() - 1; }
+    void place(std::uint64_t key, std::int32_t index) {
+      std::size_t at = mix64(key) & mask();
+      while (slots_[at].first != kEmpty) at = (at + 1) & mask();
+      slots_[at] = {key, index};
+    }
+    void grow() {
+      slots_.assign(std::max<std::size_t>(64, 2 * slots_.size()), {kEmpty, -1});
+      for (std::size_t i = 0; i < keys_.size(); ++i) place(keys_[i], static_cast<std::int32_t>(i));
+    }
+
+    std::vector<std::pair<std::uint64_t, std::int32_t>> slots_;
+    std::vector<std::uint64_t> keys_;
+  };
+
+  using Block = detail::GridBlock;
+  static constexpr int kSide = Block::kSide;
+
+  [[nodiscard]] static Eigen::Array3i cell_coordinates(const Eigen::Vector3f& mean) {
+    return (mean.array() * (1 / kCell)).floor().cast<int>();
+  }
+  [[nodiscard]] static Eigen::Array3i block_of_cell(const Eigen::Array3i& cell) {
+    return {cell.x() >> 2, cell.y() >> 2, cell.z() >> 2};
+  }
+  [[nodiscard]] static Eigen::Array3i block_coordinates(const Eigen::Vector3f& mean) {
+    return block_of_cell(cell_coordinates(mean));
+  }
+  [[nodiscard]] static std::uint64_t key(const Eigen::Array3i& block) {
+    std::uint64_t key = 0;
+    for (int a = 0; a < 3; ++a) key = key << 21 | (static_cast<std::uint32_t>(block[a]) & 0x1FFFFF);
+    return key;
+  }
+  [[nodiscard]] static int cell_in_block(const Eigen::Array3i& cell) {
+    return (cell.x() & 3) | (cell.y() & 3) << 2 | (cell.z() & 3) << 4;
+  }
+
+  [[nodiscard]] std::shared_ptr<const Block> shared_or_new(std::uint64_t key, const std::vector<TargetGaussian>& members,
+                                                           float tolerance) const {
+    const auto cell_of = [](const TargetGaussian& g) { return cell_in_block(cell_coordinates(g.mean)); };
+    const std::int32_t former = blocks_.empty() ? -1 : table_.find(key);
+    if (former >= 0 && is_same(*blocks_[former], members, tolerance, cell_of)) return blocks_[former];
+    return std::make_shared<const Block>(members, cell_of);
+  }
+
+  /// True if the block holds these Gaussians, none moved by more than the tolerance.
+  template <class CellOf>
+  [[nodiscard]] static bool is_same(const Block& block, const std::vector<TargetGaussian>& members, float tolerance,
+                                    CellOf&& cell_of) {
+    if (block.gaussians().size() != members.size()) return false;
+    std::array<std::int32_t, Block::kCells> next;
+    for (int c = 0; c < Block::kCells; ++c) next[c] = block.begin(c);
+    for (const TargetGaussian& g : members) {
+      const int cell = cell_of(g);
+      if (next[cell] == block.end(cell)) return false;
+      const TargetGaussian& former = block.gaussians()[next[cell]++];
+      if (!((former.mean - g.mean).cwiseAbs().maxCoeff() <= tolerance)) return false;
+    }
+    return true;
+  }
+
+  /// How far to look given what was found: a little farther than the best, so that the answer holds for a while.
+  [[nodiscard]] static float reach_of(const detail::NearestTwo& found, float radius) {
+    return std::min(std::sqrt(found.squared_distance) + kMargin, radius);
+  }
+
+  LANGGS_INLINE void visit_cell(const Eigen::Array3i& cell, detail::NearestTwo& found) const {
+    const std::int32_t index = table_.find(key(block_of_cell(cell)));
+    if (index >= 0) found.visit(*blocks_[index], cell_in_block(cell));
+  }
+
+  /// Goes on where the eight cells did not settle it: all other cells within reach, block by block.
+  void visit_others(const Eigen::Vector3f& query, const Eigen::Array3i& own, const int (&side)[3], float reach,
+                    detail::NearestTwo& found) const {
+    const auto seen = [&](int cell, int a) { return cell == own[a] || cell == own[a] + side[a]; };
+    const Eigen::Array3i low = ((query.array() - reach) * (1 / kCell)).floor().cast<int>();
+    const Eigen::Array3i high = ((query.array() + reach) * (1 / kCell)).floor().cast<int>();
+    const Eigen::Array3i first = block_of_cell(low), last = block_of_cell(high);
+    Eigen::Array3i b;
+    for (b.z() = first.z(); b.z() <= last.z(); ++b.z())
+      for (b.y() = first.y(); b.y() <= last.y(); ++b.y())
+        for (b.x() = first.x(); b.x() <= last.x(); ++b.x()) {
+          const std::int32_t index = table_.find(key(b));
+          if (index < 0) continue;
+          const Eigen::Array3i origin = kSide * b;
+          for (std::uint64_t cells = blocks_[index]->occupied(); cells != 0; cells &= cells - 1) {
+            const int local = std::countr_zero(cells);
+            const Eigen::Array3i cell = origin + Eigen::Array3i(local & 3, local >> 2 & 3, local >> 4);
+            if (seen(cell.x(), 0) && seen(cell.y(), 1) && seen(cell.z(), 2)) continue;
+            const Eigen::Array3f corner = kCell * cell.cast<float>();
+            const Eigen::Array3f outside = (corner - query.array()).max(query.array() - corner - kCell).max(0);
+            if (outside.square().sum() <= reach * reach) found.visit(*blocks_[index], local);
+          }
+        }
+  }
+
+  int size_ = 0;
+  Table table_;
+  std::vector<std::shared_ptr<const Block>> blocks_;  // in the order of the table's keys
+};
+
+static_assert(RegistrationTarget<GridTarget>);
+
+}  // namespace langgs
