@@ -164,8 +164,9 @@ class Run {
     std::vector<EvaluatedView> views;
     for (const KeyframeView& k : pipeline_->keyframes())
       views.push_back({selection_.frames[k.frame_index], false, k.T_world_camera});
-    for (int k = 0; k < static_cast<int>(trajectory_.size()); ++k)
-      if (selection_.is_held_out(k)) views.push_back({selection_.frames[k], true, trajectory_[k].T_world_camera});
+    const std::vector<StampedPose> refined = pipeline_->refined_trajectory();
+    for (int k = 0; k < static_cast<int>(refined.size()); ++k)
+      if (selection_.is_held_out(k)) views.push_back({selection_.frames[k], true, refined[k].T_world_camera});
     return views;
   }
 
@@ -233,8 +234,8 @@ class Run {
     std::cout << (costs_.interrupted ? "stopped after " : "mapped ") << s.frames << " frames: " << s.keyframes
               << " keyframes, " << s.gaussians << " Gaussians, " << speed << figures(evaluation, "\n  ") << '\n';
     if (s.lost_frames + s.skipped_frames > 0)
-      std::cout << "  " << s.lost_frames << " frames lost, " << s.skipped_frames << " skipped (first: " << reason_
-                << ")\n";
+      std::cout << "  " << s.lost_frames << " frames lost (found again " << s.relocalizations << " times), "
+                << s.skipped_frames << " skipped (first: " << reason_ << ")\n";
     const std::string out = options_.output.string();
     if (!pictures_.empty()) std::cout << "look at " << pictures_.front().string() << '\n';
     std::cout << "figures: " << out << "/metrics.json, map: " << out << "/map.ply (any splat viewer) and " << out

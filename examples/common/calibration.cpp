@@ -97,16 +97,19 @@ std::optional<Calibration> known_calibration(const fs::path& folder) {
     int number;
     Camera camera;
     Distortion distortion;
+    double depth_delay;
   };
+  // The delay of the Kinect of fr1 and fr2 is where frames of fr1_xyz, turned into each other by poses found from depth
+  // alone, look most alike (docs/benchmarks.md).
   // https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats: the depth images carry their scale correction.
   const std::array<Known, 3> cameras = {
-      Known{1, {517.3f, 516.5f, 318.6f, 255.3f, 640, 480}, {0.2624, -0.9531, -0.0054, 0.0026, 1.1633}},
-      Known{2, {520.9f, 521.0f, 325.1f, 249.7f, 640, 480}, {0.2312, -0.7849, -0.0033, -0.0001, 0.9172}},
-      Known{3, {535.4f, 539.2f, 320.1f, 247.6f, 640, 480}, {}}};
+      Known{1, {517.3f, 516.5f, 318.6f, 255.3f, 640, 480}, {0.2624, -0.9531, -0.0054, 0.0026, 1.1633}, 0.02},
+      Known{2, {520.9f, 521.0f, 325.1f, 249.7f, 640, 480}, {0.2312, -0.7849, -0.0033, -0.0001, 0.9172}, 0.02},
+      Known{3, {535.4f, 539.2f, 320.1f, 247.6f, 640, 480}, {}, 0}};
   for (const Known& known : cameras) {
     const std::string digit = std::to_string(known.number);
     if (holds_word(name, "fr" + digit) || holds_word(name, "freiburg" + digit))
-      return Calibration{known.camera, 5000, known.distortion, "known values of fr" + digit};
+      return Calibration{known.camera, 5000, known.distortion, known.depth_delay, "known values of fr" + digit};
   }
   return std::nullopt;
 }
@@ -165,6 +168,17 @@ Distortion choose_distortion(const std::string& option, const Calibration& calib
   LANGGS_EXPECTS(v && v->size() == 5, "--distortion '", detail::excerpt(option),
                  "'; give auto, none or five numbers \"k1 k2 p1 p2 k3\"");
   return {(*v)[0], (*v)[1], (*v)[2], (*v)[3], (*v)[4]};
+}
+
+double choose_depth_delay(const std::string& option, const fs::path& folder) {
+  if (option == "auto") {
+    const auto known = known_calibration(folder);
+    return known ? known->depth_delay : 0;
+  }
+  const auto v = numbers_of(option);
+  LANGGS_EXPECTS(v && v->size() == 1 && std::abs(v->front()) <= 1, "--depth-delay '", detail::excerpt(option),
+                 "'; give auto, or seconds in [-1, 1]");
+  return v->front();
 }
 
 }  // namespace langgs::examples

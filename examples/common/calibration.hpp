@@ -15,6 +15,7 @@ struct Calibration {
   Camera camera;
   double depth_scale = 1000;             ///< metres = stored 16-bit value / depth_scale
   std::optional<Distortion> distortion;  ///< of colour and depth; nothing where the source does not say
+  double depth_delay = 0;                ///< how long after it was taken a depth image gets its time stamp [s]
   std::string source;                    ///< where the values come from, for people
 };
 
@@ -35,5 +36,9 @@ struct Calibration {
 /// that the folder is named after, if the intrinsics agree), or "k1 k2 p1 p2 k3". Throws InvalidArgument.
 [[nodiscard]] Distortion choose_distortion(const std::string& option, const Calibration& calibration,
                                            const std::filesystem::path& folder);
+
+/// What `--depth-delay` asks for [s]: "auto" (that of a known camera that the folder is named after, else 0) or a
+/// number. Throws InvalidArgument.
+[[nodiscard]] double choose_depth_delay(const std::string& option, const std::filesystem::path& folder);
 
 }  // namespace langgs::examples

@@ -48,6 +48,7 @@ struct DatasetOptions {
   std::string kind = "synthetic";  ///< synthetic, tum or replica; both of the latter take either folder layout
   std::filesystem::path input;
   std::string distortion = "auto";
+  std::string depth_delay = "auto";
   double max_gap = 0.08;  ///< between the time stamps of a colour and its depth image [s]
   SyntheticRoomSettings room;
   int num_threads = 1;  ///< that draw the synthetic room

@@ -39,6 +39,7 @@ RgbdFrame ImageDataset::frame(int i) const {
   const FrameFiles& files = files_.at(i);
   RgbdFrame frame;
   frame.timestamp = files.timestamp;
+  frame.depth_time_offset = files.depth_time_offset;
   frame.colour = read_colour(files.colour, camera());
   frame.depth = read_depth(files.depth, camera(), calibration_.depth_scale);
   if (undistort_) {

@@ -13,8 +13,9 @@ namespace langgs::examples {
 
 /// The files of one frame.
 struct FrameFiles {
-  double timestamp = 0;  ///< seconds
+  double timestamp = 0;  ///< of colour [s]
   std::filesystem::path colour, depth;
+  double depth_time_offset = 0;  ///< when depth was taken, relative to colour [s]
 };
 
 /// A sequence of image files, whatever the layout of its folder.

@@ -28,6 +28,12 @@ void add_dataset_options(CLI::App& app, RunOptions& o) {
                  "numbers \"k1 k2 p1 p2 k3\". Colour and depth are undistorted on load")
       ->capture_default_str()
       ->group(group);
+  app.add_option(
+         "--depth-delay", o.dataset.depth_delay,
+         "tum: seconds by which depth images are stamped too late, or auto: 0.02 for fr1 and fr2 by the folder's "
+         "name, else 0. Depth is moved to where the camera was when colour was taken")
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--max-gap", o.dataset.max_gap, "largest time between a colour image and its depth image [s]")
       ->check(CLI::Range(0.0, 1e3))
       ->capture_default_str()
@@ -246,6 +252,7 @@ nlohmann::ordered_json to_json(const RunOptions& o) {
   } else {
     j["input"] = o.dataset.input.string();
     j["distortion"] = o.dataset.distortion;
+    j["depth-delay"] = o.dataset.depth_delay;
     j["max-gap"] = o.dataset.max_gap;
   }
   j["max-frames"] = o.max_frames;

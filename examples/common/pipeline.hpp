@@ -44,6 +44,7 @@ class Pipeline {
                             const std::function<bool(const FrameReport&)>& observer, double fps) = 0;
 
   [[nodiscard]] virtual std::vector<StampedPose> trajectory() const = 0;
+  [[nodiscard]] virtual std::vector<StampedPose> refined_trajectory() const = 0;
   [[nodiscard]] virtual std::vector<KeyframeView> keyframes() const = 0;
   [[nodiscard]] virtual SlamStatistics statistics() const = 0;
   [[nodiscard]] virtual MemoryReport memory_report() const = 0;      ///< of everything

@@ -42,6 +42,7 @@ class PipelineOf : public Pipeline {
   }
 
   [[nodiscard]] std::vector<StampedPose> trajectory() const override { return slam_.trajectory(); }
+  [[nodiscard]] std::vector<StampedPose> refined_trajectory() const override { return slam_.refined_trajectory(); }
   [[nodiscard]] std::vector<KeyframeView> keyframes() const override {
     std::vector<KeyframeView> views;
     for (const Keyframe<D>& k : slam_.keyframes()) views.push_back({k.frame_index, k.timestamp, k.T_world_camera});

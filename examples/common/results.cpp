@@ -92,6 +92,7 @@ nlohmann::ordered_json metrics_json(const RunOptions& options, const Dataset& da
   j["gaussians"] = s.gaussians;
   j["iterations"] = {{"geometry", s.geometry_iterations}, {"feature", s.feature_iterations}};
   j["lost_frames"] = s.lost_frames;
+  j["relocalizations"] = s.relocalizations;
   j["skipped_frames"] = s.skipped_frames;
   j["inserted"] = s.inserted;
   j["suppressed"] = s.suppressed;

@@ -17,10 +17,12 @@ std::unique_ptr<Dataset> make_tum_dataset(const DatasetOptions& options) {
     for (const TumListEntry& entry : entries) result.push_back(entry.timestamp);
     return result;
   };
+  const double delay = choose_depth_delay(options.depth_delay, folder);
   std::vector<FrameFiles> files;
   for (const StampPair& pair : associate(stamps(colour), stamps(depth), options.max_gap))
-    files.push_back(
-        {colour[pair.first].timestamp, folder / colour[pair.first].filename, folder / depth[pair.second].filename});
+    files.push_back({colour[pair.first].timestamp, folder / colour[pair.first].filename,
+                     folder / depth[pair.second].filename,
+                     depth[pair.second].timestamp - delay - colour[pair.first].timestamp});
   if (files.empty())
     detail::raise<IoError>(folder.string(), ": no colour image of rgb.txt has a depth image of depth.txt within ",
                            options.max_gap, " s; check the time stamps or raise --max-gap");

@@ -15,8 +15,8 @@ namespace langgs {
 struct RgbdFrame {
   double timestamp = 0;          ///< of the colour image [s]
   double depth_time_offset = 0;  ///< when the depth image was taken, relative to the colour image [s]
-  Image<std::uint8_t> colour;  ///< [H, W, 3], RGB
-  Image<float> depth;          ///< [H, W], metres along the optical axis; 0 where nothing was measured
+  Image<std::uint8_t> colour;    ///< [H, W, 3], RGB
+  Image<float> depth;            ///< [H, W], metres along the optical axis; 0 where nothing was measured
   /// Pose to map with when poses are given instead of tracked; a tracked run never reads it.
   std::optional<Pose> T_world_camera;
 };

@@ -44,10 +44,12 @@ class FrontEnd {
   /// The map as tracking sees it. Shared: mapping goes on with a map of its own.
   void set_target(std::shared_ptr<const GridTarget> target) { target_ = std::move(target); }
 
-  /// Poses of all frames so far, given the current keyframes: a frame moves with the keyframe before it. Frames whose
-  /// time stamp is not finite are left out.
+  /// Poses of all frames so far. Frames whose time stamp is not finite are left out.
+  [[nodiscard]] std::vector<StampedPose> trajectory() const { return refined_trajectory(std::vector<NoKeyframe>{}); }
+
+  /// The same given the current keyframes: a frame moves with the keyframe before it.
   template <class Keyframes>
-  [[nodiscard]] std::vector<StampedPose> trajectory(const Keyframes& keyframes) const {
+  [[nodiscard]] std::vector<StampedPose> refined_trajectory(const Keyframes& keyframes) const {
     std::vector<StampedPose> result;
     Pose correction = Pose::Identity();  // of the newest keyframe so far
     auto keyframe = keyframes.begin();
@@ -90,11 +92,15 @@ class FrontEnd {
 
   [[nodiscard]] int num_frames() const { return static_cast<int>(records_.size()); }
   [[nodiscard]] int num_lost() const { return lost_; }
-  [[nodiscard]] int num_relocalized() const { return relocalized_; }
+  [[nodiscard]] int num_relocalized() const { return relocalizations_; }
   [[nodiscard]] int num_skipped() const { return skipped_; }
   [[nodiscard]] const std::vector<float>& milliseconds() const { return milliseconds_; }
 
  private:
+  struct NoKeyframe {
+    int frame_index = -1;
+    Pose T_world_camera, T_world_camera_tracked;
+  };
   struct Record {
     double timestamp;
     Pose T_world_camera;  ///< as tracked or predicted
@@ -123,8 +129,8 @@ class FrontEnd {
     return {};
   }
 
-  /// Pose, overlap and correspondence distances of a usable frame. What is registered is the depth image, and the motion
-  /// model is one of the depth camera; what is reported is the pose of the colour image.
+  /// Pose, overlap and correspondence distances of a usable frame. What is registered is the depth image, and the
+  /// motion model is one of the depth camera; what is reported is the pose of the colour image.
   void locate(const RgbdFrame& frame, TrackedFrame& tracked, WorkerPool& pool) {
     FrameReport& report = tracked.report;
     const bool given = settings_.poses == PoseSource::given, first = target_ == nullptr;
@@ -141,7 +147,7 @@ class FrontEnd {
       if (!given && (is_lost_ || !is_credible(result, report.agreement))) {
         is_lost_ = !relocalize(frame, tracked.cloud, result, pool);
         if (!is_lost_) {
-          ++relocalized_;
+          ++relocalizations_;
           report.agreement = depth_agreement(*target_, frame.depth, camera_, result.T_world_camera).share();
           motion_.restart(result.T_world_camera, depth_time);
         }
@@ -180,8 +186,7 @@ class FrontEnd {
 
   /// Whether a registration is to be believed: the map may not stand where the camera looks through.
   [[nodiscard]] bool is_credible(const GicpResult& result, double agreement) const {
-    return has_pose(result.status) && result.overlap >= settings_.min_overlap &&
-           agreement >= settings_.min_agreement;
+    return has_pose(result.status) && result.overlap >= settings_.min_overlap && agreement >= settings_.min_agreement;
   }
 
   /// Looks for the camera among the keyframes and around the last good pose; false, and `result` as it was, if nothing
@@ -199,7 +204,8 @@ class FrontEnd {
     std::stable_sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     for (std::size_t i = 0; i < std::min<std::size_t>(kTried, order.size()); ++i) {
       GicpResult found = tracker_.align(cloud, *target_, order[i].second, pool);
-      if (!has_pose(found.status) || found.overlap < kMinOverlap || share(found.T_world_camera) < kMinAgreement) continue;
+      if (!has_pose(found.status) || found.overlap < kMinOverlap || share(found.T_world_camera) < kMinAgreement)
+        continue;
       result = std::move(found);
       return true;
     }
@@ -231,7 +237,7 @@ class FrontEnd {
   IntensityImage last_image_;  ///< of the last frame with a pose
   Pose T_world_last_image_ = Pose::Identity();
   bool is_lost_ = false;
-  int lost_ = 0, relocalized_ = 0, skipped_ = 0;
+  int lost_ = 0, relocalizations_ = 0, skipped_ = 0;
   double last_timestamp_ = -std::numeric_limits<double>::infinity();
   std::vector<float> milliseconds_;
 };

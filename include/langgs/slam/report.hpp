@@ -36,8 +36,9 @@ struct FrameReport {
 struct SlamStatistics {
   int frames = 0, keyframes = 0, gaussians = 0;
   int geometry_iterations = 0, feature_iterations = 0;
-  int lost_frames = 0;     ///< tracking found no pose; the predicted one stands
-  int skipped_frames = 0;  ///< frames without usable data
+  int lost_frames = 0;      ///< tracking found no pose; the predicted one stands
+  int relocalizations = 0;  ///< times a lost or doubtful camera was found again
+  int skipped_frames = 0;   ///< frames without usable data
   int inserted = 0, suppressed = 0, pruned = 0;
   std::vector<float> track_ms, geometry_ms, feature_ms;
 };

@@ -85,14 +85,19 @@ class LangGsSlam {
   [[nodiscard]] const Camera& camera() const { return camera_; }
   /// Bytes held, part by part: the map, the keyframes, and what a feature step needs besides.
   [[nodiscard]] MemoryReport memory_report() const { return mapper_.memory_report(); }
-  /// Poses of all frames so far, with the keyframes' refinement carried to the frames between them.
-  [[nodiscard]] std::vector<StampedPose> trajectory() const { return front_end_.trajectory(mapper_.keyframes()); }
+  /// Poses of all frames so far, as tracked. Refinement makes views sharper, not the path truer (docs/benchmarks.md).
+  [[nodiscard]] std::vector<StampedPose> trajectory() const { return front_end_.trajectory(); }
+  /// Poses to render the map from: the keyframes' refinement is carried to the frames between them.
+  [[nodiscard]] std::vector<StampedPose> refined_trajectory() const {
+    return front_end_.refined_trajectory(mapper_.keyframes());
+  }
 
   [[nodiscard]] SlamStatistics statistics() const {
     SlamStatistics s;
     mapper_.report(s);
     s.frames = front_end_.num_frames();
     s.lost_frames = front_end_.num_lost();
+    s.relocalizations = front_end_.num_relocalized();
     s.skipped_frames = front_end_.num_skipped();
     s.track_ms = front_end_.milliseconds();
     return s;

@@ -29,7 +29,7 @@ struct DepthAgreement {
 /// Looks at about `kSamples` Gaussians of the target that lie in the camera's view. depth: [H, W] metres, 0 unknown.
 [[nodiscard]] inline DepthAgreement depth_agreement(const GridTarget& target, const Image<float>& depth,
                                                     const Camera& camera, const Pose& T_world_camera) {
-  constexpr int kSamples = 8192, kAround = 3;                   // pixels to the sides: edges are not to be missed
+  constexpr int kSamples = 8192, kAround = 3;                     // pixels to the sides: edges are not to be missed
   constexpr float kTolerance = 0.03f, kToleranceByDepth = 0.02f;  // [m], [1]
   const Eigen::Matrix3f R = T_world_camera.linear().transpose().cast<float>();
   const Eigen::Vector3f origin = T_world_camera.translation().cast<float>();

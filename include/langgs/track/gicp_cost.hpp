@@ -134,7 +134,8 @@ class GicpCost {
 
       // The grey value has the same Jacobian, along its gradient in space.
       const PhotometricLanes::Value p = colour.value(mean, load(kIntensity, k));
-      const Float colour_weight = select(p.valid & valid, weight * photometric_weight / (1.f + p.residual * p.residual * grey), zero);
+      const Float colour_weight =
+          select(p.valid & valid, weight * photometric_weight / (1.f + p.residual * p.residual * grey), zero);
       colour_weight.store(row(kColourWeight) + k);
       const Float residual = select(p.valid, p.residual, zero), pull = colour_weight * residual;
       const Lanes3 g = select(p.valid, p.gradient, Lanes3{zero, zero, zero});
@@ -142,16 +143,43 @@ class GicpCost {
       force = Lanes3{force.x + pull * g.x, force.y + pull * g.y, force.z + pull * g.z};
 
       // J = [-I, hat(d)]: rows of M hat, then the upper triangle of hat^T M hat.
-      const Lanes3 px = cross({m.xx, m.xy, m.xz}, d), py = cross({m.xy, m.yy, m.yz}, d), pz = cross({m.xz, m.yz, m.zz}, d);
+      const Lanes3 px = cross({m.xx, m.xy, m.xz}, d), py = cross({m.xy, m.yy, m.yz}, d),
+                   pz = cross({m.xz, m.yz, m.zz}, d);
       const Lanes3 torque = cross(d, force);
-      const Float terms[kNumSums] = {
-          m.xx, m.xy, m.xz, m.yy, m.yz, m.zz,
-          px.x, px.y, px.z, py.x, py.y, py.z, pz.x, pz.y, pz.z,
-          d.z * py.x - d.y * pz.x, d.z * py.y - d.y * pz.y, d.z * py.z - d.y * pz.z,
-          d.x * pz.y - d.z * px.y, d.x * pz.z - d.z * px.z, d.y * px.z - d.x * py.z,
-          force.x, force.y, force.z, torque.x, torque.y, torque.z,
-          weight * select(valid, squared, zero), weight * select(valid, squared_normal, zero), weight,
-          select(valid, Float(1.f), zero), pull * residual, pull, colour_weight};
+      const Float terms[kNumSums] = {m.xx,
+                                     m.xy,
+                                     m.xz,
+                                     m.yy,
+                                     m.yz,
+                                     m.zz,
+                                     px.x,
+                                     px.y,
+                                     px.z,
+                                     py.x,
+                                     py.y,
+                                     py.z,
+                                     pz.x,
+                                     pz.y,
+                                     pz.z,
+                                     d.z * py.x - d.y * pz.x,
+                                     d.z * py.y - d.y * pz.y,
+                                     d.z * py.z - d.y * pz.z,
+                                     d.x * pz.y - d.z * px.y,
+                                     d.x * pz.z - d.z * px.z,
+                                     d.y * px.z - d.x * py.z,
+                                     force.x,
+                                     force.y,
+                                     force.z,
+                                     torque.x,
+                                     torque.y,
+                                     torque.z,
+                                     weight * select(valid, squared, zero),
+                                     weight * select(valid, squared_normal, zero),
+                                     weight,
+                                     select(valid, Float(1.f), zero),
+                                     pull * residual,
+                                     pull,
+                                     colour_weight};
       for (int i = 0; i < kNumSums; ++i) s[i] += terms[i];
     });
     NormalEquations result = assembled(sums);
@@ -185,18 +213,18 @@ class GicpCost {
 
   /// Values of the points, a row of `pitch_` for each.
   enum Row {
-    kPoint,                                    // 3, camera frame
-    kSourceCovariance = kPoint + 3,            // 6, camera frame
-    kWeight = kSourceCovariance + 6,           //
-    kQuery,                                    // 3, where the target was last asked, world frame
-    kSafe = kQuery + 3,                        // no other target Gaussian was closer then
-    kMatched,                                  // 1 if the answer was a Gaussian, which is
-    kMean,                                     // 3
-    kTargetCovariance = kMean + 3,             // 6
-    kIntensity = kTargetCovariance + 6,        // negative: not known
-    kSquaredDistance,                          // to it now; infinite where it does not count
-    kPrecision,                                // 6, (C_B + R C_A R^T)^-1 times weight and kernel, world frame
-    kColourWeight = kPrecision + 6,            // photometric weight, kernel included
+    kPoint,                              // 3, camera frame
+    kSourceCovariance = kPoint + 3,      // 6, camera frame
+    kWeight = kSourceCovariance + 6,     //
+    kQuery,                              // 3, where the target was last asked, world frame
+    kSafe = kQuery + 3,                  // no other target Gaussian was closer then
+    kMatched,                            // 1 if the answer was a Gaussian, which is
+    kMean,                               // 3
+    kTargetCovariance = kMean + 3,       // 6
+    kIntensity = kTargetCovariance + 6,  // negative: not known
+    kSquaredDistance,                    // to it now; infinite where it does not count
+    kPrecision,                          // 6, (C_B + R C_A R^T)^-1 times weight and kernel, world frame
+    kColourWeight = kPrecision + 6,      // photometric weight, kernel included
     kNumRows
   };
 
@@ -227,9 +255,8 @@ class GicpCost {
 
   template <class Body>
   void for_each_chunk(Body&& body) {
-    pool_.run(static_cast<int>(pitch_) / kChunk, [&](int chunk) {
-      body(chunk, chunk * kChunk, std::min(size(), (chunk + 1) * kChunk));
-    });
+    pool_.run(static_cast<int>(pitch_) / kChunk,
+              [&](int chunk) { body(chunk, chunk * kChunk, std::min(size(), (chunk + 1) * kChunk)); });
   }
 
   template <int N, class Body>

@@ -34,7 +34,7 @@ struct GicpSettings {
   /// leaves the pose open, and hardly elsewhere. 0: colour is not used.
   double photometric_weight = 1;
   double photometric_below = 6e-3;  ///< colour enters where geometry alone is conditioned worse than this
-  double photometric_width = 0.1;  ///< grey value off at which a point has half its photometric weight
+  double photometric_width = 0.1;   ///< grey value off at which a point has half its photometric weight
   int min_correspondences = 50;
   /// Directions whose curvature is less than this fraction of the best one's count as open: the paper's covariances
   /// alone leave 2e-3 along a bare wall.
@@ -145,7 +145,8 @@ class GicpTracker {
   };
 
   template <class Target>
-  GicpStatus iterate(detail::GicpCost& cost, const Target& target, const Pose& initial_T_world_camera, GicpResult& result) const {
+  GicpStatus iterate(detail::GicpCost& cost, const Target& target, const Pose& initial_T_world_camera,
+                     GicpResult& result) const {
     Pose& T = result.T_world_camera;
     T = initial_T_world_camera;
     double gate = settings_.coarse_distance;
@@ -157,7 +158,8 @@ class GicpTracker {
       const Eigen::Vector3d centre = T * cost.centroid();
       // A kernel as wide as the gate asks for: far from the solution large residuals are the signal.
       const double width = settings_.robust_width * gate / settings_.max_distance;
-      detail::NormalEquations system = cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
+      detail::NormalEquations system =
+          cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
       if (system.count < settings_.min_correspondences) return GicpStatus::too_few_correspondences;
       if (!system.hessian.allFinite() || !system.gradient.allFinite()) return GicpStatus::failed;
 
@@ -246,8 +248,8 @@ class GicpTracker {
   [[nodiscard]] static Curvature decompose(const Eigen::Matrix<double, 6, 6>& hessian, double radius) {
     Curvature curvature;
     curvature.units << 1, 1, 1, 1 / radius, 1 / radius, 1 / radius;
-    const SymmetricEigen<6> eigen = symmetric_eigen<6>(curvature.units.asDiagonal() * full(hessian) *
-                                                       curvature.units.asDiagonal());
+    const SymmetricEigen<6> eigen =
+        symmetric_eigen<6>(curvature.units.asDiagonal() * full(hessian) * curvature.units.asDiagonal());
     curvature.values = eigen.values;
     curvature.directions = eigen.vectors;
     return curvature;

@@ -305,7 +305,8 @@ class GridTarget {
     return (cell.x() & 3) | (cell.y() & 3) << 2 | (cell.z() & 3) << 4;
   }
 
-  [[nodiscard]] std::shared_ptr<const Block> shared_or_new(std::uint64_t key, const std::vector<TargetGaussian>& members,
+  [[nodiscard]] std::shared_ptr<const Block> shared_or_new(std::uint64_t key,
+                                                           const std::vector<TargetGaussian>& members,
                                                            float tolerance) const {
     const auto cell_of = [](const TargetGaussian& g) { return cell_in_block(cell_coordinates(g.mean)); };
     const std::int32_t former = blocks_.empty() ? -1 : table_.find(key);

@@ -42,8 +42,8 @@ struct IntensityImage {
   if (width < 2 || height < 2) return result;
   const auto scale = static_cast<float>(size);
   const float shift = 0.5f * (scale - 1);  // of the first square's centre
-  result.camera = {camera.fx / scale, camera.fy / scale, (camera.cx - shift) / scale, (camera.cy - shift) / scale,
-                   width,             height};
+  result.camera = {
+      camera.fx / scale, camera.fy / scale, (camera.cx - shift) / scale, (camera.cy - shift) / scale, width, height};
   result.values.resize(static_cast<std::size_t>(width) * height);
   pool.run(height, [&](int y) {
     std::vector<std::int32_t> sums(3 * static_cast<std::size_t>(size) * width, 0);  // of columns, per channel
@@ -54,7 +54,8 @@ struct IntensityImage {
     for (int x = 0; x < width; ++x) {
       float rgb[3] = {};
       for (int i = 0; i < size; ++i)
-        for (int c = 0; c < 3; ++c) rgb[c] += static_cast<float>(sums[3 * (static_cast<std::size_t>(x) * size + i) + c]);
+        for (int c = 0; c < 3; ++c)
+          rgb[c] += static_cast<float>(sums[3 * (static_cast<std::size_t>(x) * size + i) + c]);
       const float grey = 0.299f * rgb[0] + 0.587f * rgb[1] + 0.114f * rgb[2];
       result.values[static_cast<std::size_t>(y) * width + x] = grey / (255 * scale * scale);
     }

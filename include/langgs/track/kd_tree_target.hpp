@@ -57,7 +57,8 @@ struct BoundedNearestTwo {
 class KdTreeTarget {
  public:
   explicit KdTreeTarget(std::vector<TargetGaussian> gaussians)
-      : gaussians_(usable(std::move(gaussians))), index_(3, *this, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {
+      : gaussians_(usable(std::move(gaussians))),
+        index_(3, *this, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {
     if (!gaussians_.empty()) index_.buildIndex();
   }
   KdTreeTarget(const KdTreeTarget&) = delete;  // the index refers to this object

@@ -44,12 +44,8 @@ struct SymmetricLanes3 {
 LANGGS_INLINE SymmetricLanes3 inverse(const SymmetricLanes3& a) {
   const Lanes3::Float xx = a.yy * a.zz - a.yz * a.yz, xy = a.xz * a.yz - a.xy * a.zz, xz = a.xy * a.yz - a.xz * a.yy;
   const Lanes3::Float one_over_determinant = 1.f / (a.xx * xx + a.xy * xy + a.xz * xz);
-  return one_over_determinant * SymmetricLanes3{xx,
-                                                xy,
-                                                xz,
-                                                a.xx * a.zz - a.xz * a.xz,
-                                                a.xy * a.xz - a.xx * a.yz,
-                                                a.xx * a.yy - a.xy * a.xy};
+  return one_over_determinant *
+         SymmetricLanes3{xx, xy, xz, a.xx * a.zz - a.xz * a.xz, a.xy * a.xz - a.xx * a.yz, a.xx * a.yy - a.xy * a.xy};
 }
 LANGGS_INLINE SymmetricLanes3 select(const host::Mask& mask, const SymmetricLanes3& a, const SymmetricLanes3& b) {
   return {select(mask, a.xx, b.xx), select(mask, a.xy, b.xy), select(mask, a.xz, b.xz),

@@ -17,17 +17,16 @@ namespace langgs {
 
 /// The chosen points of a cloud as Gaussians of a target, with the covariances that they had as sources.
 [[nodiscard]] inline std::vector<TargetGaussian> measured(const SourceCloud& cloud,
-                                                          const std::vector<std::int32_t>& chosen,
-                                                          const Camera& camera, const Pose& T_world_camera,
-                                                          TargetShape shape) {
+                                                          const std::vector<std::int32_t>& chosen, const Camera& camera,
+                                                          const Pose& T_world_camera, TargetShape shape) {
   const Eigen::Matrix3f rotation = T_world_camera.linear().cast<float>();
   const Eigen::Matrix3f isotropic = kIsotropicTarget * Eigen::Matrix3f::Identity();
   std::vector<TargetGaussian> result;
   result.reserve(chosen.size());
   for (const std::int32_t i : chosen) {
     const bool surface = shape == TargetShape::anisotropic && cloud.trackable[i];
-    const Eigen::Matrix3f covariance = surface ? Eigen::Matrix3f(rotation * cloud.covariances[i] * rotation.transpose())
-                                               : isotropic;
+    const Eigen::Matrix3f covariance =
+        surface ? Eigen::Matrix3f(rotation * cloud.covariances[i] * rotation.transpose()) : isotropic;
     const Eigen::Vector2f pixel = cloud.pixels[i].cast<float>();
     result.push_back({(T_world_camera * cloud.points[i].cast<double>()).cast<float>(),
                       cloud.intensity.sample(camera, pixel.x(), pixel.y()), symmetric3(covariance)});

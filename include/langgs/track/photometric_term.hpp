@@ -21,9 +21,9 @@ class PhotometricLanes {
   using Float = host::Varying<float>;
 
   struct Value {
-    host::Mask valid;   ///< the Gaussian appears in the image and has a grey value
-    Float residual;     ///< the frame's grey value minus the Gaussian's
-    Lanes3 gradient;    ///< of the frame's grey value by the mean, world frame [1/m]
+    host::Mask valid;  ///< the Gaussian appears in the image and has a grey value
+    Float residual;    ///< the frame's grey value minus the Gaussian's
+    Lanes3 gradient;   ///< of the frame's grey value by the mean, world frame [1/m]
   };
 
   PhotometricLanes(const IntensityImage& image, const Pose& T_world_colour, float brightening)
@@ -43,7 +43,8 @@ class PhotometricLanes {
     const auto at = y * camera.width + x;
     const float* const values = image_.values.data();
     const Float a = u - host::to_float(x), b = v - host::to_float(y);
-    const Float i00 = host::gather(values, at, result.valid, 0.f), i10 = host::gather(values + 1, at, result.valid, 0.f);
+    const Float i00 = host::gather(values, at, result.valid, 0.f),
+                i10 = host::gather(values + 1, at, result.valid, 0.f);
     const Float i01 = host::gather(values + camera.width, at, result.valid, 0.f);
     const Float i11 = host::gather(values + camera.width + 1, at, result.valid, 0.f);
     const Float top = i10 - i00, bottom = i11 - i01;

@@ -34,7 +34,8 @@ class Relocalizer {
     if (!image.empty() && !keyframes_.empty()) {
       const IntensityImage small = thumbnail(image);
       std::vector<std::pair<double, std::size_t>> order;
-      for (std::size_t i = 0; i < keyframes_.size(); ++i) order.emplace_back(difference(keyframes_[i].second, small), i);
+      for (std::size_t i = 0; i < keyframes_.size(); ++i)
+        order.emplace_back(difference(keyframes_[i].second, small), i);
       const auto end = order.begin() + std::min<std::ptrdiff_t>(kAlike, static_cast<std::ptrdiff_t>(order.size()));
       std::partial_sort(order.begin(), end, order.end());
       for (auto it = order.begin(); it != end; ++it) {

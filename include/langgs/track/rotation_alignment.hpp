@@ -32,13 +32,14 @@ namespace detail {
   const Camera& c = image.camera;
   const auto scale = static_cast<float>(size);
   const float shift = 0.5f * (scale - 1);
-  result.camera = {c.fx / scale,     c.fy / scale, (c.cx - shift) / scale, (c.cy - shift) / scale, c.width / size,
-                   c.height / size};
+  result.camera = {c.fx / scale,           c.fy / scale,   (c.cx - shift) / scale,
+                   (c.cy - shift) / scale, c.width / size, c.height / size};
   for (int y = 0; y < result.camera.height; ++y)
     for (int x = 0; x < result.camera.width; ++x) {
       float sum = 0;
       for (int j = 0; j < size; ++j)
-        for (int i = 0; i < size; ++i) sum += image.values[static_cast<std::size_t>(y * size + j) * c.width + x * size + i];
+        for (int i = 0; i < size; ++i)
+          sum += image.values[static_cast<std::size_t>(y * size + j) * c.width + x * size + i];
       result.values.push_back(sum / (scale * scale));
     }
   return result;
@@ -71,8 +72,8 @@ struct RotationEquations {
       const double gx = (top + b * (bottom - top)) * camera.fx / ray.z();
       const double gy = (i01 - i00 + a * (bottom - top)) * camera.fy / ray.z();
       const Eigen::Vector3d g(gx, gy, -(gx * ray.x() + gy * ray.y()) / ray.z());
-      const double residual =
-          i00 + a * top + b * (i01 + a * bottom - i00 - a * top) - now.values[static_cast<std::size_t>(y) * camera.width + x];
+      const double residual = i00 + a * top + b * (i01 + a * bottom - i00 - a * top) -
+                              now.values[static_cast<std::size_t>(y) * camera.width + x];
       const Eigen::Vector3d row = ray.cross(g);  // of omega
       result.hessian += row * row.transpose();
       result.gradient += residual * row;
@@ -91,8 +92,8 @@ struct RotationEquations {
   return result;
 }
 
-/// The whole-pixel shift (du, dv) of `now` against `last` with the smallest difference, as a rotation: where the gradient
-/// of the images leads nowhere any more. At least half of the images overlap.
+/// The whole-pixel shift (du, dv) of `now` against `last` with the smallest difference, as a rotation: where the
+/// gradient of the images leads nowhere any more. At least half of the images overlap.
 [[nodiscard]] inline Eigen::Matrix3d best_shift(const IntensityImage& last, const IntensityImage& now) {
   const int width = now.camera.width, height = now.camera.height;
   const auto mean = [](const IntensityImage& image) {
@@ -118,7 +119,8 @@ struct RotationEquations {
       sum /= static_cast<float>((x1 - x0) * (y1 - y0));
       if (sum < best) best = sum, best_u = du, best_v = dv;
     }
-  const Eigen::Vector3d ray(best_u / static_cast<double>(now.camera.fx), best_v / static_cast<double>(now.camera.fy), 1);
+  const Eigen::Vector3d ray(best_u / static_cast<double>(now.camera.fx), best_v / static_cast<double>(now.camera.fy),
+                            1);
   return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray).toRotationMatrix();
 }
 
@@ -129,7 +131,7 @@ struct RotationEquations {
 [[nodiscard]] inline RotationAlignment align_rotation(const IntensityImage& last, const IntensityImage& now,
                                                       const Eigen::Matrix3d& R_last_now_guess) {
   constexpr int kColumns = 40, kIterations = 12;
-  constexpr double kAlike = 0.03;  // grey values; above it another beginning is tried
+  constexpr double kAlike = 0.03;         // grey values; above it another beginning is tried
   constexpr double kSmallestStep = 1e-3;  // [rad]; a pixel is some 30 times that
   RotationAlignment result{R_last_now_guess};
   if (last.empty() || now.empty() || last.camera.width != now.camera.width || last.camera.height != now.camera.height)

@@ -37,9 +37,9 @@ using Symmetric3 = std::array<float, 6>;
 
 /// One Gaussian of a target.
 struct TargetGaussian {
-  Eigen::Vector3f mean;         ///< [m], world frame
-  float intensity = -1;         ///< grey value in [0, 1]; negative: not known
-  Symmetric3 covariance;        ///< of the sources' scale: variance along a surface is 1
+  Eigen::Vector3f mean;   ///< [m], world frame
+  float intensity = -1;   ///< grey value in [0, 1]; negative: not known
+  Symmetric3 covariance;  ///< of the sources' scale: variance along a surface is 1
 };
 
 /// World covariance of one Gaussian as the registration sees it: relative to its own middle axis, no unit.
