@@ -19,6 +19,8 @@
 
 // Tracking: GicpTracker, KeyframePolicy.
 #include "langgs/track/gicp_tracker.hpp"
+#include "langgs/track/grid_target.hpp"
+#include "langgs/track/kd_tree_target.hpp"
 #include "langgs/track/keyframe_policy.hpp"
 
 // The map: Gaussian<FeatDim>, GaussianMap<FeatDim>, Keyframe<FeatDim>.

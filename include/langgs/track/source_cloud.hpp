@@ -32,12 +32,21 @@ struct SourceCloudSettings {
   float edge_depth_ratio = 0.05f;
   int min_neighbours = 8;         ///< fewer samples on the same surface (itself included): not trackable
   float plane_thickness = 1e-3f;  ///< variance across the surface relative to along it, in the G-ICP covariance
-  /// Standard deviation of depth noise_floor + noise_z2 z^2 [m]: points weigh as its inverse square. The growth is that
-  /// of structured light (Nguyen et al. 2012); the floor is the noise of the map itself, which does not grow.
+  /// Standard deviation of depth noise_floor + noise_z z + noise_z2 z^2 [m]: points weigh as its inverse square. The
+  /// floor is the noise of the map itself, which does not grow. The defaults are those of structured light (Nguyen et
+  /// al. 2012); see time_of_flight.
   float noise_floor = 0.003f;
+  float noise_z = 0;         ///< [1]
   float noise_z2 = 0.0019f;  ///< [1/m]
   int intensity_square = 4;  ///< grey values are averages over squares of this side [px]
 };
+
+/// For a time-of-flight camera, whose noise grows with the distance, not with its square.
+[[nodiscard]] inline SourceCloudSettings time_of_flight(SourceCloudSettings settings = {}) {
+  settings.noise_z = 0.001f;
+  settings.noise_z2 = 0;
+  return settings;
+}
 
 /// A frame's grid cloud, structure of arrays, all of length N. Camera frame, metres.
 struct SourceCloud {
@@ -76,8 +85,8 @@ inline void validate(const SourceCloudSettings& s) {
                  "; it must be in [3, 25], a plane needs three points and the window has 25");
   LANGGS_EXPECTS(s.plane_thickness > 0 && s.plane_thickness <= 1, "plane_thickness is ", s.plane_thickness,
                  "; it must be in (0, 1]");
-  LANGGS_EXPECTS(s.noise_floor > 0 && s.noise_z2 >= 0, "depth noise is ", s.noise_floor, " + ", s.noise_z2,
-                 " z^2; the floor must be positive, the growth not negative");
+  LANGGS_EXPECTS(s.noise_floor > 0 && s.noise_z >= 0 && s.noise_z2 >= 0, "depth noise is ", s.noise_floor, " + ",
+                 s.noise_z, " z + ", s.noise_z2, " z^2; the floor must be positive, the growth not negative");
   LANGGS_EXPECTS(s.intensity_square >= 1 && s.intensity_square <= 64, "intensity_square is ", s.intensity_square,
                  " px; it must be in [1, 64]");
 }
@@ -167,7 +176,8 @@ inline void describe_point(const Image<float>& depth, const Camera& camera, cons
   const Eigen::Vector3d normal = shape.axes.col(2);
   cloud.covariances[i] =
       (Eigen::Matrix3d::Identity() - (1.0 - settings.plane_thickness) * normal * normal.transpose()).cast<float>();
-  const float relative_noise = settings.noise_floor / (settings.noise_floor + settings.noise_z2 * z * z);
+  const float relative_noise =
+      settings.noise_floor / (settings.noise_floor + z * (settings.noise_z + z * settings.noise_z2));
   cloud.weights[i] = relative_noise * relative_noise;
   cloud.trackable[i] = surface && z <= settings.depth_trunc;
 }
