@@ -7,8 +7,7 @@ namespace langgs {
 
 /// Adam step sizes of the geometry by parameter group, and Adam's constants. No bias correction: see SelectiveAdam.
 struct LearningRates {
-  /// [m]. Small: tracking registers to these means, and what photometry does to them becomes drift of the camera.
-  float mean = 2e-5f;
+  float mean = 6e-5f;  ///< [m]; tracking registers to surfaces as measured and does not feel it (docs/benchmarks.md)
   float log_scale = 5e-3f;
   float rotation = 1e-3f;  ///< on the stored quaternion
   float opacity_logit = 0.05f;
