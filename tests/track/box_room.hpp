@@ -5,12 +5,11 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include "langgs/core/rng.hpp"
 #include "langgs/frame/rgbd_frame.hpp"
-#include "langgs/track/gicp_target.hpp"
+#include "langgs/track/grid_target.hpp"
 
 /// @file An analytic scene for the tracking tests: the inside of a 1.8 x 1.4 x 4.4 m box, with a smaller box standing
 /// in it.
@@ -71,9 +70,15 @@ inline std::vector<Eigen::Vector3f> sample_box_room(int n, std::uint64_t seed) {
 }
 
 /// Points as a target without shapes.
-inline GicpTarget isotropic_target(std::vector<Eigen::Vector3f> means) {
-  const std::size_t n = means.size();
-  return GicpTarget(std::move(means), std::vector<Eigen::Matrix3f>(n, kIsotropicTarget * Eigen::Matrix3f::Identity()));
+inline std::vector<TargetGaussian> isotropic_gaussians(const std::vector<Eigen::Vector3f>& means) {
+  std::vector<TargetGaussian> gaussians;
+  gaussians.reserve(means.size());
+  for (const Eigen::Vector3f& mean : means)
+    gaussians.push_back({mean, -1, {kIsotropicTarget, 0, 0, kIsotropicTarget, 0, kIsotropicTarget}});
+  return gaussians;
+}
+inline GridTarget isotropic_target(const std::vector<Eigen::Vector3f>& means) {
+  return GridTarget(isotropic_gaussians(means));
 }
 
 /// A random rigid motion: uniform direction and axis, magnitudes uniform up to the given ones.

@@ -14,7 +14,7 @@
 
 namespace langgs::test {
 
-inline GicpTarget room_target() { return isotropic_target(sample_box_room(40000, 9)); }
+inline GridTarget room_target() { return isotropic_target(sample_box_room(40000, 9)); }
 
 inline SourceCloud room_source(const Pose& T_world_camera, WorkerPool& pool, double noise_z2 = 0) {
   SourceCloudSettings settings;

@@ -31,7 +31,7 @@ std::vector<Eigen::Vector3f> wall(int n, std::uint64_t seed) {
 
 TEST_CASE("a bare wall fixes three directions and leaves the others at the guess") {
   WorkerPool pool(1);
-  const GicpTarget target = isotropic_target(wall(20000, 1));
+  const GridTarget target = isotropic_target(wall(20000, 1));
   const SourceCloud source = cloud_of(wall(3000, 2));
   Pose guess = Pose::Identity();
   guess.translation() = Eigen::Vector3d(0.03, -0.02, 0.02);
@@ -82,7 +82,7 @@ TEST_CASE("distances are those of the final pose and match brute force") {
 TEST_CASE("overlap falls as the camera turns away from the map") {
   WorkerPool pool(1);
   const SourceCloud first = room_source(Pose::Identity(), pool);
-  const GicpTarget target = isotropic_target(first.points);
+  const GridTarget target = isotropic_target(first.points);
   double last = 1.01;
   for (int step = 0; step <= 8; ++step) {
     Pose truth = Pose::Identity();
@@ -134,7 +134,9 @@ TEST_CASE("bad clouds and targets end with a status and a finite pose") {
   for (int i = 0; i < broken.size(); i += 3) broken.points[i].x() = nan;
   for (int i = 1; i < broken.size(); i += 3) broken.covariances[i].setZero();
   for (int i = 2; i < broken.size(); i += 9) broken.weights[i] = nan;
-  const GicpTarget pointlike(room.points, std::vector<Eigen::Matrix3f>(room.points.size(), Eigen::Matrix3f::Zero()));
+  std::vector<TargetGaussian> points = test::isotropic_gaussians(room.points);
+  for (TargetGaussian& point : points) point.covariance.fill(0);
+  const GridTarget pointlike(points);
   check_sane(tracker.align(broken, pointlike, guesses[1], pool), broken, guesses[1], tracker.settings());
 
   Pose not_finite = Pose::Identity();
@@ -148,7 +150,7 @@ TEST_CASE("bad clouds and targets end with a status and a finite pose") {
 
 TEST_CASE("random alignments up to 30 cm and 30 degrees never break") {
   WorkerPool pool(1);
-  const GicpTarget target = room_target();
+  const GridTarget target = room_target();
   const GicpTracker tracker;
   const SourceCloud source = room_source(Pose::Identity(), pool, 0.002);
   int near = 0, found = 0;

@@ -5,9 +5,12 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cstdint>
 #include <cstring>
+#include <numeric>
 #include <vector>
 
+#include "langgs/track/measured_surface.hpp"
 #include "track/gicp_cases.hpp"
 
 /// @file The tracker finds the pose, to the bit whatever the number of threads.
@@ -17,21 +20,20 @@ using test::cloud_of, test::isotropic_target, test::room_source, test::room_targ
 
 namespace {
 
-void append_in_world(const SourceCloud& cloud, int i, const Pose& T_world_camera, std::vector<Eigen::Vector3f>& means,
-                     std::vector<Eigen::Vector4f>& quaternions, std::vector<Eigen::Vector3f>& scales) {
-  means.push_back((T_world_camera * cloud.points[i].cast<double>()).cast<float>());
-  const Eigen::Vector4f q = cloud.rotations[i];
-  const Eigen::Quaternionf world =
-      Eigen::Quaterniond(T_world_camera.linear()).cast<float>() * Eigen::Quaternionf(q[0], q[1], q[2], q[3]);
-  quaternions.emplace_back(world.w(), world.x(), world.y(), world.z());
-  scales.push_back(cloud.scales[i]);
+/// All points of a cloud seen from `T_world_camera`, as keyframes add them to the map.
+void append_measured(const SourceCloud& cloud, const Pose& T_world_camera, TargetShape shape,
+                     std::vector<TargetGaussian>& gaussians) {
+  std::vector<std::int32_t> all(cloud.size());
+  std::iota(all.begin(), all.end(), 0);
+  const std::vector<TargetGaussian> added = measured(cloud, all, test::small_camera(), T_world_camera, shape);
+  gaussians.insert(gaussians.end(), added.begin(), added.end());
 }
 
 }  // namespace
 
 TEST_CASE("known offsets in a room are recovered") {
   WorkerPool pool(1);
-  const GicpTarget target = room_target();
+  const GridTarget target = room_target();
   const GicpTracker tracker;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const Pose truth = test::random_motion(seed, 0.3, 0.4);
@@ -72,7 +74,7 @@ TEST_CASE("without corners and edges the pose is exact to 0.1 mm") {
   }
   SourceCloud source = cloud_of(samples);
   source.covariances = shapes;
-  const GicpTarget target = isotropic_target(map);
+  const GridTarget target = isotropic_target(map);
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const Pose guess = test::random_motion(seed, 0.01, 0.0175);
     const GicpResult result = GicpTracker().align(source, target, guess, pool);
@@ -85,18 +87,14 @@ TEST_CASE("without corners and edges the pose is exact to 0.1 mm") {
 
 TEST_CASE("larger motion, noise, and both target shapes") {
   WorkerPool pool(1);
-  // A map as tracking makes it: the points of frames seen from the truth, with their shapes.
-  std::vector<Eigen::Vector3f> means, scales;
-  std::vector<Eigen::Vector4f> quaternions;
-  for (std::uint64_t seed = 50; seed < 53; ++seed) {
-    const Pose pose = test::random_motion(seed, 0.2, 0.2);
-    const SourceCloud cloud = room_source(pose, pool, 0.001);
-    for (int i = 0; i < cloud.size(); ++i) {
-      append_in_world(cloud, i, pose, means, quaternions, scales);
-    }
-  }
   for (const TargetShape shape : {TargetShape::isotropic, TargetShape::anisotropic}) {
-    const GicpTarget target = GicpTarget::from_gaussians(means, quaternions, scales, shape);
+    // A map as tracking makes it: the points of frames seen from the truth, with their shapes.
+    std::vector<TargetGaussian> map;
+    for (std::uint64_t seed = 50; seed < 53; ++seed) {
+      const Pose pose = test::random_motion(seed, 0.2, 0.2);
+      append_measured(room_source(pose, pool, 0.001), pose, shape, map);
+    }
+    const GridTarget target(map);
     for (std::uint64_t seed = 0; seed < 15; ++seed) {
       const Pose truth = test::random_motion(seed, 0.1, 0.1);
       const Pose guess = truth * test::random_motion(seed + 200, 0.08, 0.05);
@@ -112,9 +110,8 @@ TEST_CASE("larger motion, noise, and both target shapes") {
 TEST_CASE("odometry through the room: points of keyframes are the map") {
   WorkerPool pool(2);
   const GicpTracker tracker;
-  std::vector<Eigen::Vector3f> means, scales;
-  std::vector<Eigen::Vector4f> quaternions;
-  GicpTarget target;
+  std::vector<TargetGaussian> map;
+  GridTarget target;
   Pose T = Pose::Identity();
   double worst = 0;
   int num_keyframes = 0;
@@ -134,11 +131,13 @@ TEST_CASE("odometry through the room: points of keyframes are the map") {
       worst = std::max(worst, (T.translation() - truth.translation()).norm());
       if (result.overlap >= 0.8) continue;
     }
-    for (int i = 0; i < source.size(); ++i) {
-      if (!source.trackable[i] || (frame > 0 && result.squared_distance[i] < 1e-3f)) continue;
-      append_in_world(source, i, T, means, quaternions, scales);
-    }
-    target = GicpTarget::from_gaussians(means, quaternions, scales, TargetShape::anisotropic);
+    std::vector<std::int32_t> chosen;
+    for (int i = 0; i < source.size(); ++i)
+      if (source.trackable[i] && (frame == 0 || !(result.squared_distance[i] < 1e-3f))) chosen.push_back(i);
+    const std::vector<TargetGaussian> added =
+        measured(source, chosen, test::small_camera(), T, TargetShape::anisotropic);
+    map.insert(map.end(), added.begin(), added.end());
+    target = target.renewed(map);
     ++num_keyframes;
   }
   CHECK(worst < 0.03);
@@ -149,7 +148,7 @@ TEST_CASE("odometry through the room: points of keyframes are the map") {
 
 TEST_CASE("the same bits for any number of threads") {
   WorkerPool one(1), two(2), five(5);
-  const GicpTarget target = room_target();
+  const GridTarget target = room_target();
   const Pose truth = test::random_motion(5, 0.2, 0.3);
   const Pose guess = truth * test::random_motion(6, 0.05, 0.05);
   const SourceCloud source = room_source(truth, one, 0.002);

@@ -6,8 +6,6 @@
 #include <limits>
 #include <vector>
 
-#include "langgs/track/motion_model.hpp"
-
 using namespace langgs;
 
 TEST_CASE("keyframe counters on a scripted sequence") {
@@ -30,24 +28,4 @@ TEST_CASE("odd overlaps and settings") {
   CHECK_THROWS_AS(KeyframePolicy({.overlap_threshold = 1.5}), InvalidArgument);
   CHECK_THROWS_AS(KeyframePolicy({.overlap_threshold = std::numeric_limits<double>::quiet_NaN()}), InvalidArgument);
   CHECK_THROWS_AS(KeyframePolicy({.mapping_interval = -1}), InvalidArgument);
-}
-
-TEST_CASE("motion models") {
-  Twist per_frame;
-  per_frame << 0.01, -0.02, 0.03, 0.02, 0.01, -0.03;
-  const Pose motion = se3_exp(per_frame);
-  Pose T_world_camera = se3_exp(10 * per_frame);
-  MotionModel constant{.guess = InitialGuess::constant_velocity}, last{.guess = InitialGuess::last_pose};
-  constant.restart(T_world_camera);
-  last.restart(T_world_camera);
-  CHECK(constant.predict().isApprox(T_world_camera));  // nothing is known of the motion yet
-  for (int i = 0; i < 5; ++i) {
-    T_world_camera = T_world_camera * motion;
-    constant.observe(T_world_camera);
-    last.observe(T_world_camera);
-    CHECK(last.predict().isApprox(T_world_camera, 1e-12));
-    CHECK(constant.predict().isApprox(T_world_camera * motion, 1e-12));
-  }
-  constant.restart(T_world_camera);
-  CHECK(constant.predict().isApprox(T_world_camera, 1e-12));
 }

@@ -71,7 +71,7 @@ class SyntheticRoom {
     };
     if (settings_.depth_noise) detail::degrade_depth(view, stream(1));
     if (settings_.colour_noise > 0) detail::degrade_colour(view.colour, settings_.colour_noise, stream(2));
-    return {i / settings_.frames_per_second, std::move(view.colour), std::move(view.depth), ground_truth(i)};
+    return {i / settings_.frames_per_second, 0, std::move(view.colour), std::move(view.depth), ground_truth(i)};
   }
 
   /// Labels [H, W] of frame i: index into class_names(), in [1, num_classes()].
