@@ -41,7 +41,7 @@ struct TrackingSettings {
   TargetShape target_shape = TargetShape::anisotropic;
   float min_target_opacity = 0.05f;  ///< map Gaussians fainter than this are not tracked against
   /// A frame is lost whose depth confirms less than this share of the map's surfaces in view (see DepthAgreement)...
-  double min_agreement = 0.8;
+  double min_agreement = 0.85;
   double min_overlap = 0.1;  ///< ... or of which the map covers less than this share.
 };
 
