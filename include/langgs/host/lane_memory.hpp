@@ -49,9 +49,10 @@ template <class T>
 LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted, const Varying<T>& v) {
   LANGGS_FOR_PARTS {
 #if defined(__AVX512F__)
+    __m512i words;
+    std::memcpy(&words, &v.part[i], sizeof(words));  // not a cast: nvcc refuses it
     _mm512_mask_i32scatter_epi32(base, static_cast<__mmask16>(detail::bits_of_part(wanted.part[i])),
-                                 reinterpret_cast<__m512i>(index.part[i]), reinterpret_cast<__m512i>(v.part[i]),
-                                 sizeof(T));
+                                 reinterpret_cast<__m512i>(index.part[i]), words, sizeof(T));
 #else
     for (int l = 0; l < Varying<T>::kNativeLanes; ++l)
       if (wanted.part[i][l] != 0) base[index.part[i][l]] = v.part[i][l];

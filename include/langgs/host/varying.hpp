@@ -21,7 +21,10 @@
 ///
 /// Loops over the parts are unrolled by request: GCC keeps an array in registers only if no loop is left to index it.
 
-#if defined(__clang__)
+#if defined(__CUDACC__)  // its front end knows neither pragma
+#define LANGGS_FP_CONTRACT
+#define LANGGS_FOR_PARTS for (int i = 0; i < kNumParts; ++i)
+#elif defined(__clang__)
 #define LANGGS_FP_CONTRACT _Pragma("clang fp contract(fast)")
 #define LANGGS_FOR_PARTS for (int i = 0; i < kNumParts; ++i)
 #else
@@ -50,11 +53,17 @@ namespace detail {
 template <class Native>
 LANGGS_INLINE void stream(const Native& v, void* to) {
 #if defined(__AVX512F__)
-  _mm512_stream_si512(static_cast<__m512i*>(to), reinterpret_cast<__m512i>(v));
+  __m512i words;
+  std::memcpy(&words, &v, sizeof(words));  // not a cast: nvcc refuses it
+  _mm512_stream_si512(static_cast<__m512i*>(to), words);
 #elif defined(__AVX__)
-  _mm256_stream_si256(static_cast<__m256i*>(to), reinterpret_cast<__m256i>(v));
+  __m256i words;
+  std::memcpy(&words, &v, sizeof(words));
+  _mm256_stream_si256(static_cast<__m256i*>(to), words);
 #elif defined(__SSE__)
-  _mm_stream_si128(static_cast<__m128i*>(to), reinterpret_cast<__m128i>(v));
+  __m128i words;
+  std::memcpy(&words, &v, sizeof(words));
+  _mm_stream_si128(static_cast<__m128i*>(to), words);
 #else
   *static_cast<Native*>(to) = v;
 #endif
