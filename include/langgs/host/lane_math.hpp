@@ -18,7 +18,7 @@ LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
   LANGGS_FOR_PARTS {
     using V = Varying<float>::Native;
     using Bits = Varying<std::int32_t>::Native;
-    const V bounded = x.part[i] > -87.f ? x.part[i] : -87.f - V{};
+    const V bounded = detail::blend(x.part[i] > -87.f, x.part[i], -87.f - V{});
     const V t = bounded * 1.44269504f;
     const V shifted = t + kMagic;
     Bits exponent;

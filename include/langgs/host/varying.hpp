@@ -197,10 +197,30 @@ LANGGS_INLINE Varying<T>& operator*=(Varying<T>& a, const Varying<T>& b) {
   return a = a * b;
 }
 
+namespace detail {
+
+/// mask ? a : b of native vectors; the mask has lanes 0 or -1.
+template <class M, class V>
+LANGGS_INLINE V blend(const M& mask, const V& a, const V& b) {
+#if defined(__CUDACC__)  // its front end breaks off at the conditional operator
+  M x, y;
+  std::memcpy(&x, &a, sizeof(x));
+  std::memcpy(&y, &b, sizeof(y));
+  x = (x & mask) | (y & ~mask);
+  V r;
+  std::memcpy(&r, &x, sizeof(r));
+  return r;
+#else
+  return mask ? a : b;
+#endif
+}
+
+}  // namespace detail
+
 /// Per lane: mask ? a : b.
 template <class T>
 LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, const Varying<T>& b) {
-  LANGGS_LANEWISE(Varying<T>, mask.part[i] ? a.part[i] : b.part[i])
+  LANGGS_LANEWISE(Varying<T>, detail::blend(mask.part[i], a.part[i], b.part[i]))
 }
 template <class T>
 LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, std::type_identity_t<T> b) {
@@ -211,11 +231,11 @@ namespace detail {
 // The x86 instructions compute exactly this; GCC makes a comparison and a blend of it when left alone.
 template <class V>
 LANGGS_INLINE V smaller(const V& a, const V& b) {
-  return a < b ? a : b;
+  return blend(a < b, a, b);
 }
 template <class V>
 LANGGS_INLINE V larger(const V& a, const V& b) {
-  return a > b ? a : b;
+  return blend(a > b, a, b);
 }
 #if defined(__AVX512F__)
 LANGGS_INLINE __m512 smaller(const __m512& a, const __m512& b) { return _mm512_maskz_min_ps(0xFFFF, a, b); }

@@ -82,11 +82,11 @@ class NearestTwo {
       const Native dz = *reinterpret_cast<const Unaligned*>(block.coordinate(2) + i) - query_.z();
       Native d = dx * dx + dy * dy + dz * dz;
       const Index slot = first_lanes() + i;
-      d = slot < end ? d : kInfinity - Native{};  // the lanes beyond belong to other cells
+      d = host::detail::blend(slot < end, d, kInfinity - Native{});  // the lanes beyond belong to other cells
       const Index nearer = d < best_;
       second_ = host::detail::smaller(second_, host::detail::larger(d, best_));
       best_ = host::detail::smaller(d, best_);
-      slot_ = nearer ? slot | num_visits_ << kSlotBits : slot_;
+      slot_ = host::detail::blend(nearer, slot | num_visits_ << kSlotBits, slot_);
     }
     blocks_[num_visits_++] = &block;
   }
@@ -101,7 +101,7 @@ class NearestTwo {
       squared_distance = least;
       const std::int32_t slot = slot_[winner];
       gaussian = &blocks_[slot >> kSlotBits]->gaussians()[slot & ((1 << kSlotBits) - 1)];
-      best_ = first_lanes() == winner ? kInfinity - Native{} : best_;
+      best_ = host::detail::blend(first_lanes() == winner, kInfinity - Native{}, best_);
     }
     squared_second = std::min(squared_second, least_of(host::detail::smaller(best_, second_)));
     best_ = second_ = kInfinity - Native{};
