@@ -19,8 +19,8 @@ using namespace langgs;
 
 namespace {
 
-constexpr int kFrames = 75;
-constexpr double kInterval = 1.0 / 30;
+constexpr int kWalkLength = 75;
+constexpr double kWalkInterval = 1.0 / 30;
 
 SyntheticRoom room_at(double motion, int frames) {
   SyntheticRoomSettings settings;
@@ -35,12 +35,12 @@ SyntheticRoom room_at(double motion, int frames) {
 /// of an exposure of half an interval, and depth that of the middle one.
 std::vector<RgbdFrame> frames_at(double motion, bool blur) {
   constexpr int kMoments = 4;  // per frame at full speed; of which three are exposed
-  const SyntheticRoom room = room_at(motion / kMoments, kFrames * kMoments);
+  const SyntheticRoom room = room_at(motion / kMoments, kWalkLength * kMoments);
   std::vector<RgbdFrame> frames;
-  for (int i = 0, moment = 0; i < kFrames; ++i, moment += std::min(i, kMoments)) {
+  for (int i = 0, moment = 0; i < kWalkLength; ++i, moment += std::min(i, kMoments)) {
     frames.push_back(room.frame(moment));
     RgbdFrame& frame = frames.back();
-    frame.timestamp = i * kInterval;
+    frame.timestamp = i * kWalkInterval;
     if (!blur || i < kMoments) continue;
     const RgbdFrame before = room.frame(moment - 1), after = room.frame(moment + 1);
     for (std::size_t k = 0; k < frame.colour.size(); ++k)
@@ -56,7 +56,7 @@ struct Odometry {
   int lost = 0, keyframes = 0;
 };
 
-Odometry track(const std::vector<RgbdFrame>& frames) {
+Odometry odometry(const std::vector<RgbdFrame>& frames) {
   const Camera camera = room_at(1, 2).camera();
   TrackingSettings settings;
   settings.source.stride = 3;  // for the small image
@@ -74,7 +74,8 @@ Odometry track(const std::vector<RgbdFrame>& frames) {
     truth.push_back({frame.timestamp, *frame.T_world_camera});
     if (i > 0) {
       const Pose motion = truth[i - 1].T_world_camera.inverse() * truth[i].T_world_camera;
-      result.fastest = std::max(result.fastest, so3_log(motion.linear()).norm() / kInterval * 180 / std::numbers::pi);
+      result.fastest =
+          std::max(result.fastest, so3_log(motion.linear()).norm() / kWalkInterval * 180 / std::numbers::pi);
     }
     if (tracked.report.keyframe != KeyframeKind::tracking) continue;
     ++result.keyframes;
@@ -102,13 +103,13 @@ void say(const std::string& name, const Odometry& o) {
 }  // namespace
 
 TEST_CASE("fast rotations are tracked as well as slow ones, blurred colour or not") {
-  const Odometry slow = track(frames_at(1, false));
+  const Odometry slow = odometry(frames_at(1, false));
   say("slow", slow);
   CHECK(slow.lost == 0);
   CHECK(slow.fastest < 50);
   // From rest at full speed the second frame would be 7 degrees away from the guess, more than registration bridges.
   for (const bool blur : {false, true}) {
-    const Odometry fast = track(frames_at(5, blur));
+    const Odometry fast = odometry(frames_at(5, blur));
     say(blur ? "fast and blurred" : "fast", fast);
     CHECK(fast.fastest > 200);
     CHECK(fast.lost == 0);
@@ -118,18 +119,18 @@ TEST_CASE("fast rotations are tracked as well as slow ones, blurred colour or no
 
 TEST_CASE("depth taken at another moment than colour: poses are those of the colour images") {
   // Depth lies half an interval later; poses and time stamps are those of colour.
-  const SyntheticRoom room = room_at(0.5, 4 * kFrames);
+  const SyntheticRoom room = room_at(0.5, 4 * kWalkLength);
   std::vector<RgbdFrame> frames;
-  for (int i = 0; i + 1 < kFrames; ++i) {
+  for (int i = 0; i + 1 < kWalkLength; ++i) {
     frames.push_back(room.frame(4 * i));
-    frames.back().timestamp = i * kInterval;
+    frames.back().timestamp = i * kWalkInterval;
     frames.back().depth = room.frame(4 * i + 2).depth;
-    frames.back().depth_time_offset = 0.5 * kInterval;
+    frames.back().depth_time_offset = 0.5 * kWalkInterval;
   }
-  const Odometry known = track(frames);
+  const Odometry known = odometry(frames);
   say("known", known);
   for (RgbdFrame& frame : frames) frame.depth_time_offset = 0;
-  const Odometry ignored = track(frames);
+  const Odometry ignored = odometry(frames);
   say("ignored", ignored);
   CHECK(known.lost == 0);
   // The median: at the first frame the motion is not known yet, so that its colour pose is wrong by 27 mm.
