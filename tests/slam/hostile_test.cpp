@@ -102,6 +102,8 @@ TEST_CASE("time that is not finite or runs backwards skips the frame; the trajec
   SUBCASE("NaN") { hostile.frames[2].timestamp = kNan; }
   SUBCASE("infinite") { hostile.frames[2].timestamp = std::numeric_limits<double>::infinity(); }
   SUBCASE("backwards") { hostile.frames[2].timestamp = -7; }
+  SUBCASE("NaN between depth and colour") { hostile.frames[2].depth_time_offset = kNan; }
+  SUBCASE("infinite between depth and colour") { hostile.frames[2].depth_time_offset = -kInfinity; }
   LangGsSlam<kDim> slam = hostile.slam();
   ConstantFeatures features;
   const std::vector<FrameReport> reports = test::run(slam, hostile.frames, features);
@@ -112,6 +114,21 @@ TEST_CASE("time that is not finite or runs backwards skips the frame; the trajec
   CHECK(slam.statistics().frames == 6);
   CHECK(test::all_finite(slam));
   CHECK(ate_umeyama_se3(slam.trajectory(), slam.trajectory()).rmse_m < 1e-9);
+}
+
+TEST_CASE("depth taken absurdly long before or after colour harms one frame at most") {
+  Hostile hostile;
+  SUBCASE("after") { hostile.frames[2].depth_time_offset = 1e9; }
+  SUBCASE("before") { hostile.frames[2].depth_time_offset = -1e9; }
+  SUBCASE("beyond all numbers") { hostile.frames[2].depth_time_offset = 1e300; }
+  SUBCASE("at the first frame") { hostile.frames[0].depth_time_offset = -1e300; }
+  LangGsSlam<kDim> slam = hostile.slam();
+  slam.keyframe_policy = test::often();
+  ConstantFeatures features;
+  const std::vector<FrameReport> reports = test::run(slam, hostile.frames, features);
+  CHECK(slam.statistics().skipped_frames + slam.statistics().lost_frames <= 1);
+  CHECK((reports[5].T_world_camera.translation() - hostile.room.ground_truth(5).translation()).norm() < 0.02);
+  CHECK(test::all_finite(slam));
 }
 
 TEST_CASE("equal time stamps are accepted") {

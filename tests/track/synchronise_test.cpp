@@ -14,8 +14,6 @@ using namespace langgs;
 
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInf = std::numeric_limits<float>::infinity();
-
 Pose shifted(double x, double y, double z) {
   Pose T = Pose::Identity();
   T.translation() = Eigen::Vector3d(x, y, z);
@@ -28,7 +26,8 @@ TEST_CASE("without motion the depth image stays, but for readings that are none"
   const Camera camera = test::small_camera();
   Image<float> depth = test::render_box_room(camera, test::random_motion(2, 0.3, 0.4)).depth;
   Image<float> expected = depth;
-  const float bad[] = {0, -1, kNan, kInf, -kInf};
+  const float infinity = std::numeric_limits<float>::infinity();
+  const float bad[] = {0, -1, std::nanf(""), infinity, -infinity};
   for (int i = 0; i < 5; ++i) depth(10 + i, 20) = bad[i], expected(10 + i, 20) = 0;
   CHECK(depth_from_colour(depth, camera, Pose::Identity()) == expected);
 }
@@ -64,7 +63,8 @@ TEST_CASE("any motion: every reading is where its point is seen, unless a nearer
     const Image<float> depth = test::render_box_room(camera, test::random_motion(seed, 0.2, 0.3)).depth;
     const Pose T_colour_depth = test::random_motion(seed + 10, 0.05, 0.05);
     const Image<float> moved = depth_from_colour(depth, camera, T_colour_depth);
-    Image<float> expected(camera.width, camera.height, 1, kInf);
+    constexpr float kNothing = std::numeric_limits<float>::infinity();
+    Image<float> expected(camera.width, camera.height, 1, kNothing);
     for (int v = 0; v < camera.height; ++v)
       for (int u = 0; u < camera.width; ++u) {
         const Eigen::Vector3d p = T_colour_depth * camera.back_project(u, v, depth(u, v));
@@ -76,7 +76,7 @@ TEST_CASE("any motion: every reading is where its point is seen, unless a nearer
       }
     int different = 0;
     for (std::size_t i = 0; i < moved.size(); ++i) {
-      const float e = expected.data()[i] == kInf ? 0.f : expected.data()[i];
+      const float e = expected.data()[i] == kNothing ? 0.f : expected.data()[i];
       different += !(std::abs(moved.data()[i] - e) < 1e-6f);
     }
     CHECK(different == 0);
