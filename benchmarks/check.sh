@@ -3,6 +3,8 @@
 # Holds figures against their bounds. Prints one line for each, `NAME what value bound ok|short`, and ends with exit
 # code 0 only if none is short. What needs something that is not there is skipped aloud.
 # Usage: check.sh NAME...
+#   track            times of registration and of the front end, and trajectory errors, on the built-in room and on the
+#                    sequences in LANGGS_DATA_DIR
 #   render, feature  times; in turns with another program, named by LANGGS_YARDSTICK, on the folder LANGGS_WORKLOAD
 #   memory           bytes of a map and of keyframes on the built-in room
 #   quality          accuracy on the built-in room, and on the sequences in LANGGS_DATA_DIR
@@ -10,7 +12,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 build=${LANGGS_BUILD:-build/release}
-(($# > 0)) || { sed -n '5,9s/^# //p' "$0" >&2; exit 2; }
+(($# > 0)) || { sed -n '5,11s/^# //p' "$0" >&2; exit 2; }
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 short=0
@@ -18,7 +20,8 @@ short=0
 # figure NAME WHAT VALUE at-most|at-least BOUND
 figure() {
   local verdict=ok
-  awk -v v="$3" -v b="$5" -v at="$4" 'BEGIN { exit !(at == "at-most" ? v <= b : v >= b) }' || { verdict=short; short=1; }
+  # A figure that is missing is short.
+  awk -v v="$3" -v b="$5" -v at="$4" 'BEGIN { exit !(v != "" && (at == "at-most" ? v <= b : v >= b)) }' || { verdict=short; short=1; }
   echo "$1 $2 $3 $5 $verdict"
 }
 skip() { echo "$1 skipped: $2" >&2; }
@@ -59,6 +62,43 @@ check_feature() {
   figure feature blend_over_top3 \
     "$(awk -v a="$(row streamed/512/blend/full 2 3)" -v b="$(row streamed/512/3/full 2 3)" 'BEGIN { print a / b }')" \
     at-least 20
+}
+# ate NAME BOUND OPTION...: trajectory error of a whole run without features
+ate() {
+  local name=$1 bound=$2
+  shift 2
+  slam "$name" --tracking gicp --features none "$@"
+  figure track "${name}_ate_cm" "$(value "$out/$name/metrics.json" ate rmse_cm)" at-most "$bound"
+}
+# from FOLDER: true where LANGGS_DATA_DIR has that sequence
+from() {
+  [[ -n ${LANGGS_DATA_DIR:-} && -d ${LANGGS_DATA_DIR:-}/$1 ]] || { skip track "LANGGS_DATA_DIR has no $1"; return 1; }
+}
+check_track() {
+  if has track benchmarks/alignment_benchmark; then
+    figure track alignment_ms_1 "$("$build/benchmarks/alignment_benchmark" --benchmark_format=csv \
+      --benchmark_filter='^align/grid/far/threads:1/' 2>/dev/null | awk -F, '/^"align/ { print $3 }')" at-most 4
+  fi
+  if has track benchmarks/front_end && from tum_fr1_xyz; then
+    "$build/benchmarks/front_end" --dataset tum --input "$LANGGS_DATA_DIR/tum_fr1_xyz" --threads 2 >"$out/front_end"
+    local column
+    for column in median:4:12 p99:8:25 max:10:60; do
+      IFS=: read -r name field bound <<<"$column"
+      figure track "front_end_ms_$name" "$(awk -v f="$field" '$1 == "whole" { print $f }' "$out/front_end")" at-most "$bound"
+    done
+  fi
+  has track examples/langgs_slam || return 0
+  ate synthetic 0.3 --dataset synthetic
+  if from tum_fr1_xyz; then
+    ate tum 1.1 --dataset tum --input "$LANGGS_DATA_DIR/tum_fr1_xyz"
+    ate tum_stride3 1.5 --dataset tum --input "$LANGGS_DATA_DIR/tum_fr1_xyz" --stride 3
+  fi
+  if from icl_livingroom1; then
+    ate icl 1.25 --dataset tum --input "$LANGGS_DATA_DIR/icl_livingroom1" --iterations 4
+  fi
+  if from replica_office0; then
+    ate replica 0.3 --dataset replica --input "$LANGGS_DATA_DIR/replica_office0" --iterations 4
+  fi
 }
 check_memory() {
   has memory examples/langgs_slam || return 0
@@ -102,11 +142,11 @@ check_quality() {
 
 for name in "$@"; do
   case $name in
-    memory | quality) command -v python3 >/dev/null || { skip "$name" "python3 reads metrics.json, and is not there"; continue; } ;;
+    track | memory | quality) command -v python3 >/dev/null || { skip "$name" "python3 reads metrics.json, and is not there"; continue; } ;;
   esac
   case $name in
-    render | feature | memory | quality) "check_$name" ;;
-    track | query) skip "$name" "there is no comparison of that name yet" ;;
+    render | feature | track | memory | quality) "check_$name" ;;
+    query) skip "$name" "there is no comparison of that name yet" ;;
     *) echo "check.sh: there is no comparison named '$name'" >&2; exit 2 ;;
   esac
 done
