@@ -12,6 +12,9 @@
 /// Small functions in hot loops: inlined whatever the compiler's cost model thinks, on host and device alike.
 #define LANGGS_INLINE LANGGS_HD inline __attribute__((always_inline))
 
+/// The same for functions of vector types, which nvcc refuses in device code.
+#define LANGGS_HOST_INLINE inline __attribute__((always_inline))
+
 /// The same for a lambda: `[&](int j) LANGGS_INLINE_LAMBDA { ... }`. Loop bodies handed to a block must not be calls.
 #define LANGGS_INLINE_LAMBDA __attribute__((always_inline))
 

@@ -11,7 +11,7 @@
 namespace langgs::host {
 
 /// e^x for x in [-87, 88]; smaller x give e^-87, which is 1.6e-38. Relative error below 2e-7 + 8e-8 |x|.
-LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
+LANGGS_HOST_INLINE Varying<float> exp(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   constexpr float kMagic = 12582912.f;  // 1.5 * 2^23: adding it rounds to the nearest integer
   Varying<float> r;
@@ -40,7 +40,7 @@ LANGGS_INLINE Varying<float> exp(const Varying<float>& x) {
 }
 
 /// ln x for positive normal x. Relative error below 3e-7 away from x = 1, absolute error below 1e-7 near it.
-LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
+LANGGS_HOST_INLINE Varying<float> log(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   Varying<float> r;
   LANGGS_FOR_PARTS {
@@ -67,7 +67,7 @@ LANGGS_INLINE Varying<float> log(const Varying<float>& x) {
 
 /// 256^x = 2^(8x) for x in [-1, 0]: an opacity from its logarithm. Relative error below 2.4e-6, rms 6e-7.
 /// A polynomial of degree 5 for 2^x (minimax, 8e-8), squared three times: no integer arithmetic, no range reduction.
-LANGGS_INLINE Varying<float> exp256(const Varying<float>& x) {
+LANGGS_HOST_INLINE Varying<float> exp256(const Varying<float>& x) {
   LANGGS_FP_CONTRACT
   Varying<float> r;
   LANGGS_FOR_PARTS {
@@ -84,7 +84,7 @@ LANGGS_INLINE Varying<float> exp256(const Varying<float>& x) {
 }
 
 /// Neither GCC nor Clang vectorises sqrtf while it may set errno, so x86 needs the instructions by name.
-LANGGS_INLINE Varying<float> sqrt(const Varying<float>& x) {
+LANGGS_HOST_INLINE Varying<float> sqrt(const Varying<float>& x) {
   Varying<float> r;
   LANGGS_FOR_PARTS {
 #if defined(__AVX512F__)

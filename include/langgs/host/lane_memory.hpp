@@ -15,7 +15,8 @@ namespace langgs::host {
 
 /// base[index] in the lanes where `wanted`, `otherwise` in the others, which do not read.
 template <class T>
-LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted, T otherwise) {
+LANGGS_HOST_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index, const Mask& wanted,
+                                     T otherwise) {
   Varying<T> r(otherwise);
   LANGGS_FOR_PARTS {
 #if defined(__AVX512F__)
@@ -40,13 +41,13 @@ LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& inde
 }
 /// base[index]; every lane reads.
 template <class T>
-LANGGS_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
+LANGGS_HOST_INLINE Varying<T> gather(const T* base, const Varying<std::int32_t>& index) {
   return gather(base, index, Mask(-1), T(0));
 }
 
 /// base[index] = v in the lanes where `wanted`, in ascending order.
 template <class T>
-LANGGS_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted, const Varying<T>& v) {
+LANGGS_HOST_INLINE void scatter(T* base, const Varying<std::int32_t>& index, const Mask& wanted, const Varying<T>& v) {
   LANGGS_FOR_PARTS {
 #if defined(__AVX512F__)
     __m512i words;
@@ -66,7 +67,7 @@ inline constexpr __mmask16 kAllParts = 0xFFFF;
 #endif
 
 /// base[0 .. 31] from half precision.
-LANGGS_INLINE Varying<float> load_half(const Half* base) {
+LANGGS_HOST_INLINE Varying<float> load_half(const Half* base) {
   Varying<float> r;
 #if defined(__AVX512F__)
   LANGGS_FOR_PARTS {
@@ -91,7 +92,7 @@ namespace detail {
 
 /// Hands the native words of `v` in half precision, in order, to put(word, first lane).
 template <class Put>
-LANGGS_INLINE void halves_of(const Varying<float>& v, const Put& put) {
+LANGGS_HOST_INLINE void halves_of(const Varying<float>& v, const Put& put) {
 #if defined(__AVX512F__)
   LANGGS_FOR_PARTS put(_mm512_maskz_cvtps_ph(kAllParts, reinterpret_cast<__m512>(v.part[i]), _MM_FROUND_TO_NEAREST_INT),
                        i * 16);
@@ -105,13 +106,13 @@ LANGGS_INLINE void halves_of(const Varying<float>& v, const Put& put) {
 }  // namespace detail
 
 /// base[0 .. 31] = v, rounded to the nearest half.
-LANGGS_INLINE void store_half(Half* base, const Varying<float>& v) {
+LANGGS_HOST_INLINE void store_half(Half* base, const Varying<float>& v) {
   detail::halves_of(v, [&](const auto& halves, int first) LANGGS_INLINE_LAMBDA {
     std::memcpy(static_cast<void*>(base + first), &halves, sizeof(halves));
   });
 }
 /// The same past the caches, if `base` is aligned to its 64 bytes.
-LANGGS_INLINE void stream_half(Half* base, const Varying<float>& v) {
+LANGGS_HOST_INLINE void stream_half(Half* base, const Varying<float>& v) {
   if (reinterpret_cast<std::uintptr_t>(base) % 64 != 0) return store_half(base, v);
   detail::halves_of(v, [&](const auto& halves, int first) LANGGS_INLINE_LAMBDA {
 #if defined(__AVX512F__)

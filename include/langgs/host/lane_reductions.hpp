@@ -15,7 +15,7 @@ namespace detail {
 
 /// Reduces 32 lanes with the tree xor 16, 8, 4, 2, 1.
 template <class T, class Op>
-LANGGS_INLINE T reduce(const Varying<T>& a, Op op) {
+LANGGS_HOST_INLINE T reduce(const Varying<T>& a, Op op) {
   constexpr int kParts = Varying<T>::kParts;
   typename Varying<T>::Native p[kParts];
   LANGGS_FOR_PARTS p[i] = a.part[i];
@@ -49,19 +49,19 @@ LANGGS_INLINE T reduce(const Varying<T>& a, Op op) {
 }  // namespace detail
 
 template <class T>
-LANGGS_INLINE T reduce_sum(const Varying<T>& a) {
+LANGGS_HOST_INLINE T reduce_sum(const Varying<T>& a) {
   return detail::reduce(
       a, [](auto x, auto y) __attribute__((always_inline)) { return x + y; });
 }
 template <class T>
-LANGGS_INLINE T reduce_max(const Varying<T>& a) {
+LANGGS_HOST_INLINE T reduce_max(const Varying<T>& a) {
   return detail::reduce(
       a, [](auto x, auto y) __attribute__((always_inline)) { return x > y ? x : y; });
 }
 namespace detail {
 
 /// Bit l is set where lane l of one native vector of a mask is.
-LANGGS_INLINE std::uint32_t bits_of_part(const Mask::Native& part) {
+LANGGS_HOST_INLINE std::uint32_t bits_of_part(const Mask::Native& part) {
 #if defined(__AVX512F__)
   return _mm512_test_epi32_mask(reinterpret_cast<__m512i>(part), reinterpret_cast<__m512i>(part));
 #elif defined(__AVX__)
@@ -78,29 +78,40 @@ LANGGS_INLINE std::uint32_t bits_of_part(const Mask::Native& part) {
 }  // namespace detail
 
 /// Bit l is set where the mask holds in lane l.
-[[nodiscard]] LANGGS_INLINE std::uint32_t bits_of(const Mask& mask) {
+[[nodiscard]] LANGGS_HOST_INLINE std::uint32_t bits_of(const Mask& mask) {
   std::uint32_t bits = 0;
   LANGGS_FOR_PARTS bits |= detail::bits_of_part(mask.part[i]) << (i * Mask::kNativeLanes);
   return bits;
 }
-[[nodiscard]] LANGGS_INLINE bool any(const Mask& mask) {
+[[nodiscard]] LANGGS_HOST_INLINE bool any(const Mask& mask) {
   auto joined = mask.part[0];
   for (int i = 1; i < kNumParts; ++i) joined |= mask.part[i];
   return detail::bits_of_part(joined) != 0;
 }
-[[nodiscard]] LANGGS_INLINE bool all(const Mask& mask) { return !any(!mask); }
+[[nodiscard]] LANGGS_HOST_INLINE bool all(const Mask& mask) { return !any(!mask); }
 
 namespace detail {
 
 template <int kSpan, class V, int... kLane>
-LANGGS_INLINE V fold_pair(const V& a, const V& b, std::integer_sequence<int, kLane...>) {
+LANGGS_HOST_INLINE V fold_pair(const V& a, const V& b, std::integer_sequence<int, kLane...>) {
+#if defined(__CUDACC__)  // its front end loses the expansion below
+  constexpr int kNativeLanes = sizeof...(kLane);
+  V low, high;
+  for (int i = 0; i < kNativeLanes; ++i) {
+    const int from = i / kSpan * 2 * kSpan + i % kSpan, beside = from + kSpan;
+    low[i] = from < kNativeLanes ? a[from] : b[from - kNativeLanes];
+    high[i] = beside < kNativeLanes ? a[beside] : b[beside - kNativeLanes];
+  }
+  return low + high;
+#else
   // Of the 2 L lanes of a and b, those whose bit kSpan is clear, in order; and the same plus kSpan.
   return __builtin_shufflevector(a, b, (kLane / kSpan * 2 * kSpan + kLane % kSpan)...) +
          __builtin_shufflevector(a, b, (kLane / kSpan * 2 * kSpan + kLane % kSpan + kSpan)...);
+#endif
 }
 /// Folds pairs of vectors until each lane is the sum of one of them; lane i of vector g belongs to input g L + i.
 template <int kSpan, int N, class V>
-LANGGS_INLINE void fold_all(V (&v)[N]) {
+LANGGS_HOST_INLINE void fold_all(V (&v)[N]) {
   constexpr int kNativeLanes = kNativeBytes / 4;
   constexpr int kHalf = (N + 1) / 2;
   V folded[kHalf];
@@ -115,7 +126,7 @@ LANGGS_INLINE void fold_all(V (&v)[N]) {
 
 /// sums[i] = reduce_sum(values[i]), all at once: the tree of reduce_sum, in a fraction of its shuffles.
 template <int N>
-LANGGS_INLINE void reduce_sums(const Varying<float> (&values)[N], float (&sums)[N]) {
+LANGGS_HOST_INLINE void reduce_sums(const Varying<float> (&values)[N], float (&sums)[N]) {
   using V = Varying<float>::Native;
   constexpr int kParts = Varying<float>::kParts, kNativeLanes = Varying<float>::kNativeLanes;
   constexpr int kGroups = (N + kNativeLanes - 1) / kNativeLanes;

@@ -51,7 +51,7 @@ namespace detail {
 /// Stores a native vector past the caches, where the machine can. `to` is aligned to it. Such stores are ordered before
 /// the next locked instruction of the thread: every hand-over of the worker pool has one.
 template <class Native>
-LANGGS_INLINE void stream(const Native& v, void* to) {
+LANGGS_HOST_INLINE void stream(const Native& v, void* to) {
 #if defined(__AVX512F__)
   __m512i words;
   std::memcpy(&words, &v, sizeof(words));  // not a cast: nvcc refuses it
@@ -84,20 +84,20 @@ struct alignas(64) Varying {
 
   Varying() = default;
   /// The same value in every lane.
-  LANGGS_INLINE Varying(T uniform) { LANGGS_FOR_PARTS part[i] = uniform - Native{}; }
+  LANGGS_HOST_INLINE Varying(T uniform) { LANGGS_FOR_PARTS part[i] = uniform - Native{}; }
   /// 32 consecutive values; no alignment is needed.
-  LANGGS_INLINE static Varying load(const T* values) {
+  LANGGS_HOST_INLINE static Varying load(const T* values) {
     // Part by part: GCC copies a whole array with shorter moves, through the stack.
     Varying result;
     LANGGS_FOR_PARTS result.part[i] = *reinterpret_cast<const Unaligned*>(values + i * kNativeLanes);
     return result;
   }
-  LANGGS_INLINE void store(T* values) const {
+  LANGGS_HOST_INLINE void store(T* values) const {
     LANGGS_FOR_PARTS* reinterpret_cast<Unaligned*>(values + i * kNativeLanes) = part[i];
   }
   /// 32 / kColumns rows of kColumns consecutive values, `pitch` apart.
   template <int kColumns>
-  LANGGS_INLINE static Varying load_rows(const T* values, std::ptrdiff_t pitch) {
+  LANGGS_HOST_INLINE static Varying load_rows(const T* values, std::ptrdiff_t pitch) {
     static_assert(kColumns % kNativeLanes == 0);
     Varying result;
     LANGGS_FOR_PARTS result.part[i] =
@@ -105,27 +105,27 @@ struct alignas(64) Varying {
     return result;
   }
   template <int kColumns>
-  LANGGS_INLINE void store_rows(T* values, std::ptrdiff_t pitch) const {
+  LANGGS_HOST_INLINE void store_rows(T* values, std::ptrdiff_t pitch) const {
     static_assert(kColumns % kNativeLanes == 0);
     LANGGS_FOR_PARTS* reinterpret_cast<Unaligned*>(values + i * kNativeLanes / kColumns * pitch +
                                                    i * kNativeLanes % kColumns) = part[i];
   }
   /// The same past the caches, for what is not read soon: a store into a line that is not cached would load it first.
   template <int kColumns>
-  LANGGS_INLINE void stream_rows(T* values, std::ptrdiff_t pitch) const {
+  LANGGS_HOST_INLINE void stream_rows(T* values, std::ptrdiff_t pitch) const {
     static_assert(kColumns % kNativeLanes == 0);
     if ((reinterpret_cast<std::uintptr_t>(values) | static_cast<std::uintptr_t>(pitch) * sizeof(T)) % kNativeBytes != 0)
       return store_rows<kColumns>(values, pitch);
     LANGGS_FOR_PARTS detail::stream(part[i],
                                     values + i * kNativeLanes / kColumns * pitch + i * kNativeLanes % kColumns);
   }
-  [[nodiscard]] LANGGS_INLINE T lane(int i) const { return part[i / kNativeLanes][i % kNativeLanes]; }
+  [[nodiscard]] LANGGS_HOST_INLINE T lane(int i) const { return part[i / kNativeLanes][i % kNativeLanes]; }
 };
 
 using Mask = Varying<std::int32_t>;
 
 /// Copies 16 floats to a cache line that is not read soon.
-LANGGS_INLINE void stream_line(const float* from, float* to) {
+LANGGS_HOST_INLINE void stream_line(const float* from, float* to) {
   for (int i = 0; i < 64 / kNativeBytes; ++i) {
     Varying<float>::Native v;
     std::memcpy(&v, from + i * kNativeBytes / 4, kNativeBytes);
@@ -139,18 +139,18 @@ LANGGS_INLINE void stream_line(const float* from, float* to) {
   LANGGS_FOR_PARTS r.part[i] = expression;  \
   return r;
 
-#define LANGGS_ARITHMETIC(op)                                                            \
-  template <class T>                                                                     \
-  LANGGS_INLINE Varying<T> operator op(const Varying<T>& a, const Varying<T>& b) {       \
-    LANGGS_LANEWISE(Varying<T>, a.part[i] op b.part[i])                                  \
-  }                                                                                      \
-  template <class T>                                                                     \
-  LANGGS_INLINE Varying<T> operator op(const Varying<T>& a, std::type_identity_t<T> b) { \
-    return a op Varying<T>(b);                                                           \
-  }                                                                                      \
-  template <class T>                                                                     \
-  LANGGS_INLINE Varying<T> operator op(std::type_identity_t<T> a, const Varying<T>& b) { \
-    return Varying<T>(a) op b;                                                           \
+#define LANGGS_ARITHMETIC(op)                                                                 \
+  template <class T>                                                                          \
+  LANGGS_HOST_INLINE Varying<T> operator op(const Varying<T>& a, const Varying<T>& b) {       \
+    LANGGS_LANEWISE(Varying<T>, a.part[i] op b.part[i])                                       \
+  }                                                                                           \
+  template <class T>                                                                          \
+  LANGGS_HOST_INLINE Varying<T> operator op(const Varying<T>& a, std::type_identity_t<T> b) { \
+    return a op Varying<T>(b);                                                                \
+  }                                                                                           \
+  template <class T>                                                                          \
+  LANGGS_HOST_INLINE Varying<T> operator op(std::type_identity_t<T> a, const Varying<T>& b) { \
+    return Varying<T>(a) op b;                                                                \
   }
 LANGGS_ARITHMETIC(+)
 LANGGS_ARITHMETIC(-)
@@ -160,14 +160,14 @@ LANGGS_ARITHMETIC(&)
 LANGGS_ARITHMETIC(|)
 #undef LANGGS_ARITHMETIC
 
-#define LANGGS_COMPARISON(op)                                                      \
-  template <class T>                                                               \
-  LANGGS_INLINE Mask operator op(const Varying<T>& a, const Varying<T>& b) {       \
-    LANGGS_LANEWISE(Mask, a.part[i] op b.part[i])                                  \
-  }                                                                                \
-  template <class T>                                                               \
-  LANGGS_INLINE Mask operator op(const Varying<T>& a, std::type_identity_t<T> b) { \
-    return a op Varying<T>(b);                                                     \
+#define LANGGS_COMPARISON(op)                                                           \
+  template <class T>                                                                    \
+  LANGGS_HOST_INLINE Mask operator op(const Varying<T>& a, const Varying<T>& b) {       \
+    LANGGS_LANEWISE(Mask, a.part[i] op b.part[i])                                       \
+  }                                                                                     \
+  template <class T>                                                                    \
+  LANGGS_HOST_INLINE Mask operator op(const Varying<T>& a, std::type_identity_t<T> b) { \
+    return a op Varying<T>(b);                                                          \
   }
 LANGGS_COMPARISON(<)
 LANGGS_COMPARISON(<=)
@@ -178,22 +178,23 @@ LANGGS_COMPARISON(!=)
 #undef LANGGS_COMPARISON
 
 template <class T>
-LANGGS_INLINE Varying<T> operator-(const Varying<T>& a){LANGGS_LANEWISE(Varying<T>, -a.part[i])} LANGGS_INLINE Mask
+LANGGS_HOST_INLINE Varying<T> operator-(const Varying<T>& a){
+    LANGGS_LANEWISE(Varying<T>, -a.part[i])} LANGGS_HOST_INLINE Mask
 operator!(const Mask& a) {
   Mask r;
   LANGGS_FOR_PARTS r.part[i] = ~a.part[i];
   return r;
 }
 template <class T>
-LANGGS_INLINE Varying<T>& operator+=(Varying<T>& a, const Varying<T>& b) {
+LANGGS_HOST_INLINE Varying<T>& operator+=(Varying<T>& a, const Varying<T>& b) {
   return a = a + b;
 }
 template <class T>
-LANGGS_INLINE Varying<T>& operator-=(Varying<T>& a, const Varying<T>& b) {
+LANGGS_HOST_INLINE Varying<T>& operator-=(Varying<T>& a, const Varying<T>& b) {
   return a = a - b;
 }
 template <class T>
-LANGGS_INLINE Varying<T>& operator*=(Varying<T>& a, const Varying<T>& b) {
+LANGGS_HOST_INLINE Varying<T>& operator*=(Varying<T>& a, const Varying<T>& b) {
   return a = a * b;
 }
 
@@ -201,7 +202,7 @@ namespace detail {
 
 /// mask ? a : b of native vectors; the mask has lanes 0 or -1.
 template <class M, class V>
-LANGGS_INLINE V blend(const M& mask, const V& a, const V& b) {
+LANGGS_HOST_INLINE V blend(const M& mask, const V& a, const V& b) {
 #if defined(__CUDACC__)  // its front end breaks off at the conditional operator
   M x, y;
   std::memcpy(&x, &a, sizeof(x));
@@ -219,93 +220,93 @@ LANGGS_INLINE V blend(const M& mask, const V& a, const V& b) {
 
 /// Per lane: mask ? a : b.
 template <class T>
-LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, const Varying<T>& b) {
+LANGGS_HOST_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, const Varying<T>& b) {
   LANGGS_LANEWISE(Varying<T>, detail::blend(mask.part[i], a.part[i], b.part[i]))
 }
 template <class T>
-LANGGS_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, std::type_identity_t<T> b) {
+LANGGS_HOST_INLINE Varying<T> select(const Mask& mask, const Varying<T>& a, std::type_identity_t<T> b) {
   return select(mask, a, Varying<T>(b));
 }
 namespace detail {
 
 // The x86 instructions compute exactly this; GCC makes a comparison and a blend of it when left alone.
 template <class V>
-LANGGS_INLINE V smaller(const V& a, const V& b) {
+LANGGS_HOST_INLINE V smaller(const V& a, const V& b) {
   return blend(a < b, a, b);
 }
 template <class V>
-LANGGS_INLINE V larger(const V& a, const V& b) {
+LANGGS_HOST_INLINE V larger(const V& a, const V& b) {
   return blend(a > b, a, b);
 }
 #if defined(__AVX512F__)
-LANGGS_INLINE __m512 smaller(const __m512& a, const __m512& b) { return _mm512_maskz_min_ps(0xFFFF, a, b); }
-LANGGS_INLINE __m512 larger(const __m512& a, const __m512& b) { return _mm512_maskz_max_ps(0xFFFF, a, b); }
+LANGGS_HOST_INLINE __m512 smaller(const __m512& a, const __m512& b) { return _mm512_maskz_min_ps(0xFFFF, a, b); }
+LANGGS_HOST_INLINE __m512 larger(const __m512& a, const __m512& b) { return _mm512_maskz_max_ps(0xFFFF, a, b); }
 #elif defined(__AVX__)
-LANGGS_INLINE __m256 smaller(const __m256& a, const __m256& b) { return _mm256_min_ps(a, b); }
-LANGGS_INLINE __m256 larger(const __m256& a, const __m256& b) { return _mm256_max_ps(a, b); }
+LANGGS_HOST_INLINE __m256 smaller(const __m256& a, const __m256& b) { return _mm256_min_ps(a, b); }
+LANGGS_HOST_INLINE __m256 larger(const __m256& a, const __m256& b) { return _mm256_max_ps(a, b); }
 #elif defined(__SSE__)
-LANGGS_INLINE __m128 smaller(const __m128& a, const __m128& b) { return _mm_min_ps(a, b); }
-LANGGS_INLINE __m128 larger(const __m128& a, const __m128& b) { return _mm_max_ps(a, b); }
+LANGGS_HOST_INLINE __m128 smaller(const __m128& a, const __m128& b) { return _mm_min_ps(a, b); }
+LANGGS_HOST_INLINE __m128 larger(const __m128& a, const __m128& b) { return _mm_max_ps(a, b); }
 #endif
 
 }  // namespace detail
 
 /// a < b ? a : b, so b where either is NaN.
 template <class T>
-LANGGS_INLINE Varying<T> min(const Varying<T>& a, const Varying<T>& b) {
+LANGGS_HOST_INLINE Varying<T> min(const Varying<T>& a, const Varying<T>& b) {
   LANGGS_LANEWISE(Varying<T>, detail::smaller(a.part[i], b.part[i]))
 }
 /// a > b ? a : b, so b where either is NaN.
 template <class T>
-LANGGS_INLINE Varying<T> max(const Varying<T>& a, const Varying<T>& b) {
+LANGGS_HOST_INLINE Varying<T> max(const Varying<T>& a, const Varying<T>& b) {
   LANGGS_LANEWISE(Varying<T>, detail::larger(a.part[i], b.part[i]))
 }
 template <class T>
-LANGGS_INLINE Varying<T> min(const Varying<T>& a, std::type_identity_t<T> b) {
+LANGGS_HOST_INLINE Varying<T> min(const Varying<T>& a, std::type_identity_t<T> b) {
   return min(a, Varying<T>(b));
 }
 template <class T>
-LANGGS_INLINE Varying<T> max(const Varying<T>& a, std::type_identity_t<T> b) {
+LANGGS_HOST_INLINE Varying<T> max(const Varying<T>& a, std::type_identity_t<T> b) {
   return max(a, Varying<T>(b));
 }
 
 template <class To, class From>
-LANGGS_INLINE Varying<To> bit_cast(const Varying<From>& a) {
+LANGGS_HOST_INLINE Varying<To> bit_cast(const Varying<From>& a) {
   Varying<To> r;
   LANGGS_FOR_PARTS std::memcpy(&r.part[i], &a.part[i], sizeof(r.part[i]));
   return r;
 }
-LANGGS_INLINE Varying<std::int32_t> abs(const Varying<std::int32_t>& a) { return max(a, -a); }
-LANGGS_INLINE Varying<float> abs(const Varying<float>& a) {
+LANGGS_HOST_INLINE Varying<std::int32_t> abs(const Varying<std::int32_t>& a) { return max(a, -a); }
+LANGGS_HOST_INLINE Varying<float> abs(const Varying<float>& a) {
   return bit_cast<float>(bit_cast<std::int32_t>(a) & 0x7FFFFFFF);
 }
 
 /// -|a|.
-LANGGS_INLINE Varying<float> negative_abs(const Varying<float>& a) {
+LANGGS_HOST_INLINE Varying<float> negative_abs(const Varying<float>& a) {
   return bit_cast<float>(bit_cast<std::int32_t>(a) | INT32_MIN);
 }
 
 template <class To, class From>
-LANGGS_INLINE Varying<To> convert(const Varying<From>& a) {
+LANGGS_HOST_INLINE Varying<To> convert(const Varying<From>& a) {
   Varying<To> r;
   LANGGS_FOR_PARTS r.part[i] = __builtin_convertvector(a.part[i], typename Varying<To>::Native);
   return r;
 }
 
 /// 0 .. 31.
-LANGGS_INLINE Varying<std::int32_t> lane_index() {
+LANGGS_HOST_INLINE Varying<std::int32_t> lane_index() {
   alignas(64) static constexpr std::int32_t kIndices[kLanes] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10,
                                                                 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21,
                                                                 22, 23, 24, 25, 26, 27, 28, 29, 30, 31};
   return Varying<std::int32_t>::load(kIndices);
 }
 /// 1 << lane.
-LANGGS_INLINE Varying<std::int32_t> lane_bits() {
+LANGGS_HOST_INLINE Varying<std::int32_t> lane_bits() {
   alignas(64) std::int32_t bits[kLanes];
   for (int i = 0; i < kLanes; ++i) bits[i] = static_cast<std::int32_t>(1u << i);
   return Varying<std::int32_t>::load(bits);
 }
-LANGGS_INLINE Varying<float> to_float(const Varying<std::int32_t>& a) { return convert<float>(a); }
+LANGGS_HOST_INLINE Varying<float> to_float(const Varying<std::int32_t>& a) { return convert<float>(a); }
 
 #undef LANGGS_LANEWISE
 

@@ -230,12 +230,12 @@ class GicpCost {
 
   [[nodiscard]] float* row(int r) { return values_.data() + r * pitch_; }
   [[nodiscard]] const float* row(int r) const { return values_.data() + r * pitch_; }
-  LANGGS_INLINE Float load(int r, int k) const { return Float::load(row(r) + k); }
-  LANGGS_INLINE Lanes3 load3(int r, int k) const { return {load(r, k), load(r + 1, k), load(r + 2, k)}; }
-  LANGGS_INLINE Symmetric load_symmetric(int r, int k) const {
+  LANGGS_HOST_INLINE Float load(int r, int k) const { return Float::load(row(r) + k); }
+  LANGGS_HOST_INLINE Lanes3 load3(int r, int k) const { return {load(r, k), load(r + 1, k), load(r + 2, k)}; }
+  LANGGS_HOST_INLINE Symmetric load_symmetric(int r, int k) const {
     return {load(r, k), load(r + 1, k), load(r + 2, k), load(r + 3, k), load(r + 4, k), load(r + 5, k)};
   }
-  LANGGS_INLINE void store_symmetric(const Symmetric& m, int r, int k) {
+  LANGGS_HOST_INLINE void store_symmetric(const Symmetric& m, int r, int k) {
     const Float* const values[6] = {&m.xx, &m.xy, &m.xz, &m.yy, &m.yz, &m.zz};
     for (int a = 0; a < 6; ++a) values[a]->store(row(r + a) + k);
   }

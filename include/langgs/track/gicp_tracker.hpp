@@ -33,7 +33,7 @@ struct GicpSettings {
   /// What a grey value off by 1 costs, relative to a point 1 m off along its surface: colour decides where geometry
   /// leaves the pose open, and hardly elsewhere. 0: colour is not used.
   double photometric_weight = 1;
-  double photometric_below = 6e-3;  ///< colour enters where geometry alone is conditioned worse than this
+  double photometric_below = 3e-3;  ///< colour enters where geometry alone is conditioned worse than this
   double photometric_width = 0.1;   ///< grey value off at which a point has half its photometric weight
   int min_correspondences = 50;
   /// Directions whose curvature is less than this fraction of the best one's count as open: the paper's covariances

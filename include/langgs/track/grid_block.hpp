@@ -73,7 +73,7 @@ class NearestTwo {
  public:
   explicit NearestTwo(const Eigen::Vector3f& query) : query_(query) {}
 
-  LANGGS_INLINE void visit(const GridBlock& block, int cell) {
+  LANGGS_HOST_INLINE void visit(const GridBlock& block, int cell) {
     if (num_visits_ == kMaxVisits) settle();
     const int end = block.end(cell);
     for (int i = block.begin(cell); i < end; i += kNativeLanes) {
@@ -92,7 +92,7 @@ class NearestTwo {
   }
 
   /// Takes the lanes' findings over. Must be called before anything is read.
-  LANGGS_INLINE void settle() {
+  LANGGS_HOST_INLINE void settle() {
     const float least = least_of(best_);
     if (least < squared_distance) {
       const Index winners = best_ == least;
@@ -119,14 +119,20 @@ class NearestTwo {
   static constexpr int kSlotBits = GridBlock::kSlotBits, kMaxVisits = 1 << (31 - kSlotBits);
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-  LANGGS_INLINE static Index first_lanes() { return host::lane_index().part[0]; }
+  LANGGS_HOST_INLINE static Index first_lanes() { return host::lane_index().part[0]; }
 
   template <int kSpan, int... kLane>
-  LANGGS_INLINE static Native turned(const Native& v, std::integer_sequence<int, kLane...>) {
+  LANGGS_HOST_INLINE static Native turned(const Native& v, std::integer_sequence<int, kLane...>) {
+#if defined(__CUDACC__)  // its front end loses the expansion below
+    Native r;
+    for (int l = 0; l < kNativeLanes; ++l) r[l] = v[(l + kSpan) % kNativeLanes];
+    return r;
+#else
     return __builtin_shufflevector(v, v, ((kLane + kSpan) % kNativeLanes)...);
+#endif
   }
   template <int kSpan = kNativeLanes / 2>
-  LANGGS_INLINE static float least_of(const Native& v) {
+  LANGGS_HOST_INLINE static float least_of(const Native& v) {
     const Native w = host::detail::smaller(v, turned<kSpan>(v, std::make_integer_sequence<int, kNativeLanes>{}));
     if constexpr (kSpan == 1)
       return w[0];

@@ -210,7 +210,7 @@ class GridTarget {
     return std::min(std::sqrt(found.squared_distance) + kMargin, radius);
   }
 
-  LANGGS_INLINE void visit_cell(const Eigen::Array3i& cell, detail::NearestTwo& found) const {
+  LANGGS_HOST_INLINE void visit_cell(const Eigen::Array3i& cell, detail::NearestTwo& found) const {
     const std::int32_t index = table_.find(key(block_of_cell(cell)));
     if (index >= 0) found.visit(*blocks_[index], cell_in_block(cell));
   }

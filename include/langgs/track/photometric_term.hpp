@@ -29,7 +29,7 @@ class PhotometricLanes {
   PhotometricLanes(const IntensityImage& image, const Pose& T_world_colour, float brightening)
       : image_(image), T_colour_world_(T_world_colour.inverse()), brightening_(brightening) {}
 
-  [[nodiscard]] LANGGS_INLINE Value value(const Lanes3& mean, const Float& intensity) const {
+  [[nodiscard]] LANGGS_HOST_INLINE Value value(const Lanes3& mean, const Float& intensity) const {
     const Camera& camera = image_.camera;
     const Lanes3 p = T_colour_world_ * mean;
     const Float one_over_z = 1.f / p.z;
