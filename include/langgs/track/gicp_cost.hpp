@@ -49,10 +49,13 @@ class GicpCost {
   explicit GicpCost(const SourceCloud& source, WorkerPool& pool)
       : pool_(pool), photometric_(source.intensity, source.T_colour_depth) {
     source_.reserve(source.points.size());
-    for (int i = 0; i < source.size(); ++i)
-      if (source.trackable[i] && source.points[i].allFinite() && source.covariances[i].allFinite() &&
-          source.weights[i] > 0 && source.weights[i] < std::numeric_limits<float>::infinity())
-        source_.push_back(i);
+    // In four passes, so that the first quarter is a coarser grid over the whole image.
+    for (int pass = 0; pass < kPasses; ++pass)
+      for (int i = pass; i < source.size(); i += kPasses)
+        if (source.trackable[i] && source.points[i].allFinite() && source.covariances[i].allFinite() &&
+            source.weights[i] > 0 && source.weights[i] < std::numeric_limits<float>::infinity())
+          source_.push_back(i);
+    active_ = size();
     pitch_ = (source_.size() + kChunk - 1) / kChunk * kChunk;
     values_.assign(kNumRows * pitch_, 0.f);
     std::fill_n(row(kSafe), pitch_, -1.f);  // search at once
@@ -69,6 +72,13 @@ class GicpCost {
     double squared_radius = 0;
     for (const int i : source_) squared_radius += (source.points[i].cast<double>() - centroid_).squaredNorm();
     radius_ = std::max(1e-3, std::sqrt(squared_radius / static_cast<double>(source_.size())));
+  }
+
+  /// From now on looks at the first quarter of the points alone, if that is still a good number; or at all.
+  void use_quarter(bool quarter) {
+    constexpr int kEnough = 1024;
+    const int part = (size() / kPasses + kChunk - 1) / kChunk * kChunk;
+    active_ = quarter && part >= kEnough ? part : size();
   }
 
   [[nodiscard]] int size() const { return static_cast<int>(source_.size()); }
@@ -207,7 +217,7 @@ class GicpCost {
  private:
   using Float = host::Varying<float>;
   using Symmetric = SymmetricLanes3;
-  static constexpr int kChunk = 256, kNumSums = 34;
+  static constexpr int kPasses = 4, kChunk = 256, kNumSums = 34;
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
   static_assert(kChunk % host::kLanes == 0);
 
@@ -255,13 +265,13 @@ class GicpCost {
 
   template <class Body>
   void for_each_chunk(Body&& body) {
-    pool_.run(static_cast<int>(pitch_) / kChunk,
-              [&](int chunk) { body(chunk, chunk * kChunk, std::min(size(), (chunk + 1) * kChunk)); });
+    pool_.run((active_ + kChunk - 1) / kChunk,
+              [&](int chunk) { body(chunk, chunk * kChunk, std::min(active_, (chunk + 1) * kChunk)); });
   }
 
   template <int N, class Body>
   [[nodiscard]] std::array<double, N> sum(Body&& body) {
-    partial_.assign(pitch_ / kChunk * N, 0.f);
+    partial_.assign(static_cast<std::size_t>((active_ + kChunk - 1) / kChunk) * N, 0.f);
     for_each_chunk([&](int chunk, int begin, int end) {
       Float lanes[N];
       for (Float& l : lanes) l = Float(0.f);
@@ -296,6 +306,7 @@ class GicpCost {
   float brightening_ = 0, next_brightening_ = 0;  // mean difference of the frame's grey values from the map's
   std::vector<int> source_;
   std::size_t pitch_ = 0;
+  int active_ = 0;  // points looked at
   std::vector<float> values_, partial_;
   Eigen::Vector3d centroid_ = Eigen::Vector3d::Zero();
   double radius_ = 1;

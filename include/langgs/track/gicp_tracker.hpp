@@ -154,6 +154,7 @@ class GicpTracker {
     double photometric_weight = 0;
     while (result.iterations < settings_.max_iterations) {
       ++result.iterations;
+      cost.use_quarter(gate > settings_.max_distance);
       cost.find_correspondences(target, T, static_cast<float>(gate));
       const Eigen::Vector3d centre = T * cost.centroid();
       // A kernel as wide as the gate asks for: far from the solution large residuals are the signal.
@@ -210,6 +211,7 @@ class GicpTracker {
   void report(detail::GicpCost& cost, const Target& target, int num_points, GicpResult& result) const {
     const Pose& T = result.T_world_camera;
     const double reach = std::max(settings_.max_distance, std::sqrt(settings_.overlap_squared_distance));
+    cost.use_quarter(false);
     cost.find_correspondences(target, T, static_cast<float>(reach));
     result.squared_distance.assign(num_points, std::numeric_limits<float>::infinity());
     int covered = 0;
