@@ -49,6 +49,15 @@ TEST_CASE("a bare wall fixes three directions and leaves the others at the guess
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(result.information);
   CHECK(solver.eigenvalues()[2] < 2e-2 * solver.eigenvalues()[3]);  // three small, three large
   CHECK(solver.eigenvalues()[3] > 0.02 * solver.eigenvalues()[5]);
+
+  // Every open direction moves the points of the wall within the wall.
+  REQUIRE(result.open_directions.size() == 3);
+  for (const Twist& direction : result.open_directions) {
+    CHECK(direction.norm() == doctest::Approx(1));
+    for (const Eigen::Vector3d& x :
+         {Eigen::Vector3d(0.9, 0.3, 2), Eigen::Vector3d(-0.5, 0.8, 2), Eigen::Vector3d(0, -1, 2)})
+      CHECK(std::abs((direction.head<3>() + direction.tail<3>().cross(x)).z()) < 0.02);
+  }
 }
 
 TEST_CASE("distances are those of the final pose and match brute force") {

@@ -85,6 +85,9 @@ struct GicpResult {
   /// Smallest over largest curvature of the cost, rotations taken about the cloud's centre on its own radius; near 0
   /// where geometry leaves a direction open.
   double conditioning = 0;
+  /// Unit twists along which the cost curves less than GicpSettings::degenerate_ratio allows, as left perturbations of
+  /// T_world_camera: there the pose is the initial guess.
+  std::vector<Twist> open_directions;
   /// [N] squared distance of each source point to the nearest target mean at the final pose [m^2]; +inf where the point
   /// is not trackable or nothing lies within max_distance.
   std::vector<float> squared_distance;
@@ -227,12 +230,13 @@ class GicpTracker {
     result.num_correspondences = system.count;
     if (system.count == 0 || !(system.weight > 0) || !system.hessian.allFinite()) return;
     result.inlier_rms = std::sqrt(system.squared_normal_distance / system.weight);
-    result.conditioning = decompose(system.hessian, cost.radius()).conditioning();
-    if (result.conditioning < settings_.photometric_below) {
+    Curvature curvature = decompose(system.hessian, cost.radius());
+    if (curvature.conditioning() < settings_.photometric_below) {
       weights.photometric_weight = settings_.photometric_weight;
       system = cost.linearise(T, centre, weights);
-      result.conditioning = decompose(system.hessian, cost.radius()).conditioning();
+      curvature = decompose(system.hessian, cost.radius());
     }
+    result.conditioning = curvature.conditioning();
     const bool settled = result.status == GicpStatus::converged || result.status == GicpStatus::iteration_limit;
     if (settled && result.conditioning <= settings_.degenerate_ratio) result.status = GicpStatus::degenerate;
 
@@ -241,6 +245,12 @@ class GicpTracker {
     shift.topRightCorner<3, 3>() = -skew(centre);
     const double variance = std::max(system.cost / system.weight, kMinVariance);
     result.information = full(shift.transpose() * full(system.hessian) * shift / variance);
+    for (int k = 0; k < 6; ++k) {
+      if (curvature.values[k] > settings_.degenerate_ratio * curvature.values[5]) continue;
+      Twist direction = curvature.units.asDiagonal() * curvature.directions.col(k);
+      direction.head<3>() += centre.cross(direction.tail<3>());  // about the origin
+      result.open_directions.push_back(direction.normalized());
+    }
   }
 
   [[nodiscard]] static Eigen::Matrix<double, 6, 6> full(const Eigen::Matrix<double, 6, 6>& upper) {
