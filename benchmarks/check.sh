@@ -80,7 +80,7 @@ check_track() {
       --benchmark_filter='^align/grid/far/threads:1/' 2>/dev/null | awk -F, '/^"align/ { print $3 }')" at-most 4
   fi
   if has track benchmarks/front_end && from tum_fr1_xyz; then
-    "$build/benchmarks/front_end" --dataset tum --input "$LANGGS_DATA_DIR/tum_fr1_xyz" --threads 2 >"$out/front_end"
+    "$build/benchmarks/front_end" --dataset tum --input "$LANGGS_DATA_DIR/tum_fr1_xyz" --threads 1 >"$out/front_end"
     local column
     for column in median:4:12 p99:8:25 max:10:60; do
       IFS=: read -r name field bound <<<"$column"
