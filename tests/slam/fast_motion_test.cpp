@@ -12,6 +12,7 @@
 #include "langgs/manage/insertion.hpp"
 #include "langgs/slam/front_end.hpp"
 #include "langgs/track/measured_surface.hpp"
+#include "support/sanitized.hpp"
 
 /// @file Tracking alone through the built-in room, slowly, fast, and with colour blurred along the motion.
 
@@ -102,7 +103,7 @@ void say(const std::string& name, const Odometry& o) {
 
 }  // namespace
 
-TEST_CASE("fast rotations are tracked as well as slow ones, blurred colour or not") {
+TEST_CASE("fast rotations are tracked as well as slow ones, blurred colour or not" * doctest::skip(test::kSanitized)) {
   const Odometry slow = odometry(frames_at(1, false));
   say("slow", slow);
   CHECK(slow.lost == 0);
@@ -117,7 +118,8 @@ TEST_CASE("fast rotations are tracked as well as slow ones, blurred colour or no
   }
 }
 
-TEST_CASE("depth taken at another moment than colour: poses are those of the colour images") {
+TEST_CASE("depth taken at another moment than colour: poses are those of the colour images" *
+          doctest::skip(test::kSanitized)) {
   // Depth lies half an interval later; poses and time stamps are those of colour.
   const SyntheticRoom room = room_at(0.5, 4 * kWalkLength);
   std::vector<RgbdFrame> frames;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "langgs/track/gicp_tracker.hpp"
+#include "support/sanitized.hpp"
 #include "track/gicp_cases.hpp"
 
 /// @file Ten thousand random alignments: none hangs, breaks, or ends without saying how.
@@ -89,7 +90,7 @@ void spoil(SourceCloud& cloud, const CounterRng& rng) {
 
 }  // namespace
 
-TEST_CASE("fuzz: random alignments in a room") {
+TEST_CASE("fuzz: random alignments in a room" * doctest::skip(test::kSanitized)) {
   WorkerPool pool(1);
   const GridTarget target(test::isotropic_gaussians(test::sample_box_room(60000, 3)));
   const GicpTracker tracker;
@@ -138,7 +139,7 @@ TEST_CASE("fuzz: sources and targets of every kind") {
       targets.emplace_back(gaussians);
     }
   const GicpTracker tracker;
-  for (std::uint64_t seed = 0; seed < 4000; ++seed) {
+  for (std::uint64_t seed = 0; seed < (test::kSanitized ? 400 : 6000); ++seed) {
     const CounterRng rng{seed, 13};
     const auto kind = static_cast<Kind>(rng.below(1, kKinds));
     SourceCloud source = test::cloud_of(points_of(kind, 200 + static_cast<int>(rng.below(2, 300)), seed));
@@ -153,7 +154,7 @@ TEST_CASE("fuzz: sources and targets of every kind") {
   }
 }
 
-TEST_CASE("fuzz: targets of a million") {
+TEST_CASE("fuzz: targets of a million" * doctest::skip(test::kSanitized)) {
   WorkerPool pool(1);
   const GridTarget target(test::isotropic_gaussians(test::sample_box_room(1000000, 3)));
   const GicpTracker tracker;

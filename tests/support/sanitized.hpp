@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace langgs::test {
+
+/// Under AddressSanitizer tracking is some thirty times as slow. What it is there for needs fewer runs than statistics do.
+#if defined(__SANITIZE_ADDRESS__)
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
+}  // namespace langgs::test
