@@ -76,7 +76,10 @@ class TopKRecorder {
   /// Writes what was recorded, once all instances before `seen_end` have been offered.
   LANGGS_INLINE void store(Block& block, const TileGrid& grid, int seen_end) const {
     const std::ptrdiff_t plane = static_cast<std::ptrdiff_t>(grid.width) * grid.height;
-    block.threads(1, [&](auto) LANGGS_INLINE_LAMBDA { planes_.place_gaussian[places_] = -1; });
+    block.threads(1, [&](auto) LANGGS_INLINE_LAMBDA {
+      planes_.place_gaussian[places_] = -1;
+      planes_.place_count[places_] = 0;  // nobody reads how many are empty, but they are counted
+    });
     block.sync();
     block.warps([&](const auto& warp) {
       const WarpPixels<Block> pixels(grid, block.index(), warp);
