@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-set(LANGGS_ARCH native CACHE STRING "Value of -march for our own programs; empty: the compiler's default")
+# nvcc's front end breaks off at vectors of 64 bytes, and files for different machines do not mix: with CUDA, the default.
+set(langgs_default_arch native)
+if(LANGGS_ENABLE_CUDA)
+  set(langgs_default_arch "")
+endif()
+set(LANGGS_ARCH "${langgs_default_arch}" CACHE STRING "Value of -march for our own programs; empty: the compiler's default")
 include(CheckCXXCompilerFlag)
 
 add_library(langgs_arch INTERFACE)
