@@ -3,7 +3,7 @@
 
 namespace langgs::test {
 
-/// Under AddressSanitizer tracking is some thirty times as slow. What it is there for needs fewer runs than statistics do.
+/// Under AddressSanitizer tracking is some thirty times as slow, and needs fewer runs there than statistics do.
 #if defined(__SANITIZE_ADDRESS__)
 inline constexpr bool kSanitized = true;
 #else
