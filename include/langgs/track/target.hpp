@@ -18,7 +18,7 @@ namespace langgs {
 /// How the shape of a map Gaussian enters the registration (A.6.8).
 enum class TargetShape {
   isotropic,    ///< kIsotropicTarget I: the source's surface shape decides alone, as in the paper's backbone
-  anisotropic,  ///< variances sorted and divided by the middle one, clamped to [kThinnestTarget, 1]
+  anisotropic,  ///< planes: as measured with the frame (MeasuredSurface), or from scales (target_covariance)
 };
 
 /// Variance of an isotropic target relative to a source's variance along its surface.
@@ -42,7 +42,8 @@ struct TargetGaussian {
   Symmetric3 covariance;  ///< of the sources' scale: variance along a surface is 1
 };
 
-/// World covariance of one Gaussian as the registration sees it: relative to its own middle axis, no unit.
+/// World covariance of one Gaussian as the registration sees it, for a target from a map without its frames, such as a
+/// loaded one: variances sorted, relative to the middle one, clamped to [kThinnestTarget, 1]; no unit.
 /// quaternion: w, x, y, z, of any length; scales: standard deviations [m]. Isotropic too where the Gaussian has no
 /// surface: fewer than two positive scales, or values that are not finite.
 [[nodiscard]] inline Eigen::Matrix3f target_covariance(const Eigen::Vector4f& quaternion, const Eigen::Vector3f& scales,
