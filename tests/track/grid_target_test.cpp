@@ -4,8 +4,10 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "langgs/track/kd_tree_target.hpp"
@@ -20,16 +22,16 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-struct TwoNearest {
-  double first = kInfinity, second = kInfinity;  // squared [m^2]
-};
+/// Squared distances of the nearest five [m^2], ascending: one more than a target names.
+using FewNearest = std::array<double, 2 + TargetMatch::kRunnersUp>;
 
-TwoNearest brute_force(const std::vector<Eigen::Vector3f>& means, const Eigen::Vector3f& query) {
-  TwoNearest found;
+FewNearest brute_force(const std::vector<Eigen::Vector3f>& means, const Eigen::Vector3f& query) {
+  FewNearest found;
+  found.fill(std::numeric_limits<double>::infinity());
   for (const Eigen::Vector3f& mean : means) {
-    const double d = (mean - query).cast<double>().squaredNorm();  // float difference: the coordinates are given
-    found.second = std::min(found.second, std::max(d, found.first));
-    found.first = std::min(found.first, d);
+    double d = (mean - query).cast<double>().squaredNorm();  // float difference: the coordinates are given
+    for (double& f : found)
+      if (d < f) std::swap(d, f);
   }
   return found;
 }
@@ -38,22 +40,38 @@ TwoNearest brute_force(const std::vector<Eigen::Vector3f>& means, const Eigen::V
 bool same(double a, double b) { return std::abs(a - b) <= 4e-7 * std::max(a, b) + 1e-37; }
 
 /// Everything that an answer promises. `expected` as found without a radius.
-void check_answer(const TargetMatch& match, const TwoNearest& expected, const Eigen::Vector3f& query, float radius) {
-  const double first = std::sqrt(expected.first), second = std::sqrt(expected.second);
+void check_answer(const TargetMatch& match, const FewNearest& expected, const Eigen::Vector3f& query, float radius) {
+  const double first = std::sqrt(expected[0]);
   // Whether a cell lies within reach is decided with coordinates that are rounded, to about 1e-7 m in a room.
   const double slack = 2e-7 * (static_cast<double>(query.cwiseAbs().maxCoeff()) + radius);
+  REQUIRE(match.rest_beyond <= radius);
   if (match.gaussian == nullptr) {
     REQUIRE(first >= radius - slack);
-    REQUIRE(match.others_beyond <= radius);
+    for (const TargetGaussian* g : match.runners_up) REQUIRE(g == nullptr);
     return;
   }
   const double found = std::sqrt(static_cast<double>(match.squared_distance));
   REQUIRE(same((match.gaussian->mean - query).cast<double>().squaredNorm(), match.squared_distance));
   REQUIRE(std::abs(found - first) <= slack);
   REQUIRE(found <= radius + slack);
-  REQUIRE(match.others_beyond <= std::min<double>(radius, second) + slack);
   // The nearest itself must be known to be it.
-  REQUIRE(match.others_beyond >= std::min<double>(radius, first) - slack);
+  REQUIRE(match.rest_beyond >= std::min<double>(radius, first) - slack);
+
+  // Those named are different ones and ascend; who is not named is not nearer than the rest is said to be.
+  std::vector<double> unnamed(expected.begin(), expected.end());
+  std::vector<const TargetGaussian*> named{match.gaussian};
+  for (const TargetGaussian* g : match.runners_up)
+    if (g != nullptr) named.push_back(g);
+  double last = 0;
+  for (const TargetGaussian* g : named) {
+    REQUIRE(std::count(named.begin(), named.end(), g) == 1);
+    const double d = (g->mean - query).cast<double>().squaredNorm();
+    REQUIRE(d >= last * (1 - 4e-7));
+    last = d;
+    const auto at = std::find_if(unnamed.begin(), unnamed.end(), [&](double e) { return same(d, e); });
+    if (at != unnamed.end()) unnamed.erase(at);
+  }
+  REQUIRE(match.rest_beyond <= std::sqrt(unnamed.front()) + slack);
 }
 
 Eigen::Vector3f uniform(const CounterRng& rng, int i, float half) {
@@ -82,7 +100,7 @@ void compare_with_brute_force(const std::vector<Eigen::Vector3f>& points, int nu
   REQUIRE(target.size() == static_cast<int>(points.size()));
   for (int i = 0; i < num_queries; ++i) {
     const Eigen::Vector3f query = any_query(points, {seed, 1}, i);
-    const TwoNearest expected = brute_force(points, query);
+    const FewNearest expected = brute_force(points, query);
     for (const float radius : kRadii) check_answer(target.nearest(query, radius), expected, query, radius);
   }
 }
@@ -96,7 +114,7 @@ void check_equal(const GridTarget& a, const GridTarget& b, const std::vector<Eig
     const TargetMatch x = a.nearest(query, 0.3f), y = b.nearest(query, 0.3f);
     REQUIRE((x.gaussian == nullptr) == (y.gaussian == nullptr));
     REQUIRE(x.squared_distance == y.squared_distance);
-    REQUIRE(x.others_beyond == y.others_beyond);
+    REQUIRE(x.rest_beyond == y.rest_beyond);
     if (x.gaussian != nullptr) REQUIRE(x.gaussian->mean == y.gaussian->mean);
   }
 }
@@ -131,7 +149,7 @@ TEST_CASE("nearest is exact at the borders of cells and blocks") {
   const GridTarget target(isotropic_gaussians(points));
   for (int i = 0; i < 4000; ++i) {
     const Eigen::Vector3f query = at_border({2}, i);
-    const TwoNearest expected = brute_force(points, query);
+    const FewNearest expected = brute_force(points, query);
     for (const float radius : kRadii) check_answer(target.nearest(query, radius), expected, query, radius);
   }
 }
@@ -144,7 +162,8 @@ TEST_CASE("duplicates are at distance zero from each other") {
     const TargetMatch match = target.nearest(point, 0.1f);
     REQUIRE(match.gaussian != nullptr);
     REQUIRE(match.squared_distance == 0);
-    REQUIRE(match.others_beyond == 0);
+    REQUIRE(match.runners_up[0] != nullptr);
+    REQUIRE(match.runners_up[0]->mean == point);
   }
   compare_with_brute_force(points, 500, 10);
 }
@@ -156,7 +175,7 @@ TEST_CASE("nearest is exact a kilometre away from the origin") {
   const GridTarget target(isotropic_gaussians(points));
   for (int i = 0; i < 3000; ++i) {
     const Eigen::Vector3f query = any_query(points, {12}, 2 * i + 1);
-    const TwoNearest expected = brute_force(points, query);
+    const FewNearest expected = brute_force(points, query);
     for (const float radius : kRadii) check_answer(target.nearest(query, radius), expected, query, radius);
   }
 }
@@ -171,8 +190,8 @@ TEST_CASE("a large grid agrees with a k-d tree") {
       const TargetMatch a = grid.nearest(query, radius), b = tree.nearest(query, radius);
       REQUIRE((a.gaussian == nullptr) == (b.gaussian == nullptr));
       REQUIRE(same(a.squared_distance, b.squared_distance));
-      // The tree knows the second nearest, the grid may have stopped before it.
-      REQUIRE(a.others_beyond <= b.others_beyond * (1 + 4e-7f));
+      // The tree knows the fifth nearest, the grid may have stopped before it.
+      REQUIRE(a.rest_beyond <= b.rest_beyond * (1 + 4e-7f));
     }
   }
 }
@@ -188,7 +207,7 @@ TEST_CASE("queries that are nowhere have no answer") {
       CHECK(GridTarget().nearest(query, 0.5f).gaussian == nullptr);
     }
   CHECK(target.nearest({1e5f, -1e5f, 1e5f}, 0.5f).gaussian == nullptr);
-  CHECK(GridTarget().nearest({0, 0, 0}, 0.5f).others_beyond == 0.5f);
+  CHECK(GridTarget().nearest({0, 0, 0}, 0.5f).rest_beyond == 0.5f);
 }
 
 TEST_CASE("a renewed target equals one made anew, whatever came, went and moved") {

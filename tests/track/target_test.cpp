@@ -32,14 +32,14 @@ TEST_CASE_TEMPLATE("empty and duplicate targets", Target, GridTarget, KdTreeTarg
   const Target empty(std::vector<TargetGaussian>{});
   CHECK(empty.size() == 0);
   CHECK(empty.nearest({0, 0, 0}, 1).gaussian == nullptr);
-  CHECK(empty.nearest({0, 0, 0}, 1).others_beyond == 1);
+  CHECK(empty.nearest({0, 0, 0}, 1).rest_beyond == 1);
 
   const Target duplicates(isotropic_gaussians(std::vector<Eigen::Vector3f>(100000, {1, 1, 1})));
   CHECK(duplicates.size() == 100000);
   const TargetMatch match = duplicates.nearest({1, 1, 1.5f}, 1);
   REQUIRE(match.gaussian != nullptr);
   CHECK(match.squared_distance == 0.25f);
-  CHECK(match.others_beyond <= 0.5f);
+  CHECK(match.rest_beyond <= 0.5f);
   // The bound is a strict one.
   CHECK(duplicates.nearest({1, 1, 1.5f}, 0.5f).gaussian == nullptr);
   CHECK(duplicates.nearest({1, 1, 1.5f}, std::nextafter(0.5f, 1.f)).gaussian != nullptr);

@@ -59,6 +59,7 @@ class GicpCost {
     pitch_ = (source_.size() + kChunk - 1) / kChunk * kChunk;
     values_.assign(kNumRows * pitch_, 0.f);
     std::fill_n(row(kSafe), pitch_, -1.f);  // search at once
+    candidates_.resize(source_.size());
     for (std::size_t k = 0; k < source_.size(); ++k) {
       const int i = source_[k];
       for (int a = 0; a < 3; ++a) row(kPoint + a)[k] = source.points[i][a];
@@ -90,8 +91,8 @@ class GicpCost {
   [[nodiscard]] const Eigen::Vector3d& centroid() const { return centroid_; }
   [[nodiscard]] double radius() const { return radius_; }
 
-  /// Nearest target of every point at pose T, if closer than `gate` [m] (A.6.2). Points that have not moved far enough
-  /// to get another nearest target are not asked again.
+  /// Nearest target of every point at pose T, if closer than `gate` [m] (A.6.2). The target is asked again only for
+  /// points that may have moved nearer to others than to those it has named.
   template <RegistrationTarget Target>
   void find_correspondences(const Target& target, const Pose& T_world_camera, float gate) {
     const PlacementLanes3 T(T_world_camera);
@@ -99,17 +100,26 @@ class GicpCost {
       for (int k = begin; k < end; k += host::kLanes) {
         const Lanes3 query = T * load3(kPoint, k);
         const Lanes3 moved = query - load3(kQuery, k);
-        const Float way = sqrt(dot(moved, moved));
-        const Lanes3 to_target = load3(kMean, k) - query;
-        const Float squared = dot(to_target, to_target);
-        const Float matched = load(kMatched, k), safe = load(kSafe, k);
-        const Float claim = way + select(matched > 0.f, sqrt(squared), Float(gate));
-        select((matched > 0.f) & (squared < gate * gate), squared, Float(kInfinity)).store(row(kSquaredDistance) + k);
+        Float squared(kInfinity), nearest(-1.f);
+        for (int c = 0; c < kCandidates; ++c) {
+          const Lanes3 to_target = load3(kCandidate + 3 * c, k) - query;
+          const Float s = dot(to_target, to_target);
+          nearest = select(s < squared, Float(static_cast<float>(c)), nearest);
+          squared = min(s, squared);
+        }
+        const Float reach = sqrt(min(squared, gate * gate));
+        select(squared < gate * gate, squared, Float(kInfinity)).store(row(kSquaredDistance) + k);
         // Written so that NaN asks for a search.
-        std::uint32_t search = host::bits_of(!(claim <= safe));
-        if (k + host::kLanes > size()) search &= (1u << (size() % host::kLanes)) - 1;
-        for (; search != 0; search &= search - 1) {
-          const int lane = std::countr_zero(search);
+        const host::Mask unsure = !(sqrt(dot(moved, moved)) + reach <= load(kSafe, k));
+        const std::uint32_t within = k + host::kLanes > size() ? (1u << (size() % host::kLanes)) - 1 : ~0u;
+        const std::uint32_t search = host::bits_of(unsure) & within;
+        std::uint32_t changed = host::bits_of((nearest != load(kNearest, k)) & (nearest >= 0.f)) & ~search & within;
+        for (; changed != 0; changed &= changed - 1) {
+          const int lane = std::countr_zero(changed);
+          take(k + lane, static_cast<int>(nearest.lane(lane)));
+        }
+        for (std::uint32_t left = search; left != 0; left &= left - 1) {
+          const int lane = std::countr_zero(left);
           ask(target, k + lane, {query.x.lane(lane), query.y.lane(lane), query.z.lane(lane)}, gate);
         }
       }
@@ -217,24 +227,25 @@ class GicpCost {
  private:
   using Float = host::Varying<float>;
   using Symmetric = SymmetricLanes3;
-  static constexpr int kPasses = 4, kChunk = 256, kNumSums = 34;
+  static constexpr int kPasses = 4, kChunk = 256, kNumSums = 34, kCandidates = 1 + TargetMatch::kRunnersUp;
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
   static_assert(kChunk % host::kLanes == 0);
 
   /// Values of the points, a row of `pitch_` for each.
   enum Row {
-    kPoint,                              // 3, camera frame
-    kSourceCovariance = kPoint + 3,      // 6, camera frame
-    kWeight = kSourceCovariance + 6,     //
-    kQuery,                              // 3, where the target was last asked, world frame
-    kSafe = kQuery + 3,                  // no other target Gaussian was closer then
-    kMatched,                            // 1 if the answer was a Gaussian, which is
-    kMean,                               // 3
-    kTargetCovariance = kMean + 3,       // 6
-    kIntensity = kTargetCovariance + 6,  // negative: not known
-    kSquaredDistance,                    // to it now; infinite where it does not count
-    kPrecision,                          // 6, (C_B + R C_A R^T)^-1 times weight and kernel, world frame
-    kColourWeight = kPrecision + 6,      // photometric weight, kernel included
+    kPoint,                                // 3, camera frame
+    kSourceCovariance = kPoint + 3,        // 6, camera frame
+    kWeight = kSourceCovariance + 6,       //
+    kQuery,                                // 3, where the target was last asked, world frame
+    kCandidate = kQuery + 3,               // 3 each, the means that it named; infinite beyond as many as there are
+    kSafe = kCandidate + 3 * kCandidates,  // no other target Gaussian was closer then
+    kNearest,                              // which of them is the nearest; negative: none
+    kMean,                                 // 3, of the nearest
+    kTargetCovariance = kMean + 3,         // 6
+    kIntensity = kTargetCovariance + 6,    // negative: not known
+    kSquaredDistance,                      // to it now; infinite where it does not count
+    kPrecision,                            // 6, (C_B + R C_A R^T)^-1 times weight and kernel, world frame
+    kColourWeight = kPrecision + 6,        // photometric weight, kernel included
     kNumRows
   };
 
@@ -254,13 +265,26 @@ class GicpCost {
   void ask(const Target& target, int k, const Eigen::Vector3f& query, float gate) {
     const TargetMatch match = target.nearest(query, gate);
     for (int a = 0; a < 3; ++a) row(kQuery + a)[k] = query[a];
-    row(kSafe)[k] = match.others_beyond;
-    row(kMatched)[k] = match.gaussian != nullptr;
+    row(kSafe)[k] = match.rest_beyond;
     row(kSquaredDistance)[k] = match.gaussian != nullptr ? match.squared_distance : kInfinity;
-    if (match.gaussian == nullptr) return;
-    for (int a = 0; a < 3; ++a) row(kMean + a)[k] = match.gaussian->mean[a];
-    for (int a = 0; a < 6; ++a) row(kTargetCovariance + a)[k] = match.gaussian->covariance[a];
-    row(kIntensity)[k] = match.gaussian->intensity;
+    candidates_[k][0] = match.gaussian;
+    std::copy_n(match.runners_up.begin(), kCandidates - 1, candidates_[k].begin() + 1);
+    for (int c = 0; c < kCandidates; ++c)
+      for (int a = 0; a < 3; ++a)
+        row(kCandidate + 3 * c + a)[k] = candidates_[k][c] != nullptr ? candidates_[k][c]->mean[a] : kInfinity;
+    if (match.gaussian != nullptr)
+      take(k, 0);
+    else
+      row(kNearest)[k] = -1;
+  }
+
+  /// Candidate c of point k is its correspondence.
+  void take(int k, int c) {
+    const TargetGaussian& gaussian = *candidates_[k][c];
+    row(kNearest)[k] = static_cast<float>(c);
+    for (int a = 0; a < 3; ++a) row(kMean + a)[k] = gaussian.mean[a];
+    for (int a = 0; a < 6; ++a) row(kTargetCovariance + a)[k] = gaussian.covariance[a];
+    row(kIntensity)[k] = gaussian.intensity;
   }
 
   template <class Body>
@@ -308,6 +332,7 @@ class GicpCost {
   std::size_t pitch_ = 0;
   int active_ = 0;  // points looked at
   std::vector<float> values_, partial_;
+  std::vector<std::array<const TargetGaussian*, kCandidates>> candidates_;  // of each point
   Eigen::Vector3d centroid_ = Eigen::Vector3d::Zero();
   double radius_ = 1;
 };

@@ -155,9 +155,11 @@ class GicpTracker {
     double gate = settings_.coarse_distance;
     double damping = kInitialDamping;
     double photometric_weight = 0;
+    double moved = std::numeric_limits<double>::infinity();  // a typical point, by the last step [m]
     while (result.iterations < settings_.max_iterations) {
       ++result.iterations;
-      cost.use_quarter(gate > settings_.max_distance);
+      const bool is_last_stage = gate <= settings_.max_distance && moved <= kCoarseStep;
+      cost.use_quarter(!is_last_stage);
       cost.find_correspondences(target, T, static_cast<float>(gate));
       const Eigen::Vector3d centre = T * cost.centroid();
       // A kernel as wide as the gate asks for: far from the solution large residuals are the signal.
@@ -177,12 +179,11 @@ class GicpTracker {
       T = renormalized(moved_about(centre, step) * T);
       cost.adopt_exposure();
 
-      const bool finest = gate <= settings_.max_distance;
-      const double moved = step.head<3>().norm() + cost.radius() * step.tail<3>().norm();
+      moved = step.head<3>().norm() + cost.radius() * step.tail<3>().norm();
       gate = std::clamp(kGateOverStep * moved, settings_.max_distance, gate);
       const bool small =
           step.head<3>().norm() < settings_.translation_epsilon && step.tail<3>().norm() < settings_.rotation_epsilon;
-      if (finest && small) return GicpStatus::converged;
+      if (is_last_stage && small) return GicpStatus::converged;
     }
     return GicpStatus::iteration_limit;
   }
@@ -276,6 +277,7 @@ class GicpTracker {
   }
 
   static constexpr double kInitialDamping = 1e-9;  // of the largest curvature: Gauss-Newton unless that fails
+  static constexpr double kCoarseStep = 0.004;     // m; a quarter of the points is enough for longer ones
   static constexpr double kGateOverStep = 3;  // what is left to move is about the last step: keep thrice that in reach
   static constexpr double kCostNoise = 1e-6;  // of sums in single precision
   static constexpr int kMaxTrials = 10;       // ends at a damping of 1: plain gradient descent

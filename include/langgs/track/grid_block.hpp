@@ -68,50 +68,93 @@ class GridBlock {
   std::vector<float> coordinates_;  // [3, pitch]
 };
 
-/// The nearest Gaussian so far, and how far away the second one is. Lane by lane until somebody asks.
-class NearestTwo {
- public:
-  explicit NearestTwo(const Eigen::Vector3f& query) : query_(query) {}
+struct GridCell {
+  const GridBlock* block;
+  int cell;  ///< in [0, GridBlock::kCells)
+};
 
-  LANGGS_HOST_INLINE void visit(const GridBlock& block, int cell) {
-    if (num_visits_ == kMaxVisits) settle();
-    const int end = block.end(cell);
-    for (int i = block.begin(cell); i < end; i += kNativeLanes) {
-      const Native dx = *reinterpret_cast<const Unaligned*>(block.coordinate(0) + i) - query_.x();
-      const Native dy = *reinterpret_cast<const Unaligned*>(block.coordinate(1) + i) - query_.y();
-      const Native dz = *reinterpret_cast<const Unaligned*>(block.coordinate(2) + i) - query_.z();
-      Native d = dx * dx + dy * dy + dz * dz;
-      const Index slot = first_lanes() + i;
-      d = host::detail::blend(slot < end, d, kInfinity - Native{});  // the lanes beyond belong to other cells
-      const Index nearer = d < best_;
-      second_ = host::detail::smaller(second_, host::detail::larger(d, best_));
-      best_ = host::detail::smaller(d, best_);
-      slot_ = host::detail::blend(nearer, slot | num_visits_ << kSlotBits, slot_);
+/// The nearest Gaussians so far, and how far away the rest is. Lane by lane, two to a lane, until `settle`.
+class NearestFew {
+ public:
+  static constexpr int kFew = 1 + TargetMatch::kRunnersUp;
+
+  explicit NearestFew(const Eigen::Vector3f& query) : query_(query) {}
+
+  /// Looks into some cells, at most kMaxVisits at once.
+  LANGGS_HOST_INLINE void visit(const GridCell* cells, int count) {
+    if (num_visits_ + count > kMaxVisits) settle();
+    Lanes l = lanes_;
+    for (int c = 0; c < count; ++c) {
+      const GridBlock& block = *cells[c].block;
+      const int end = block.end(cells[c].cell);
+      for (int i = block.begin(cells[c].cell); i < end; i += kNativeLanes) {
+        const Native dx = *reinterpret_cast<const Unaligned*>(block.coordinate(0) + i) - query_.x();
+        const Native dy = *reinterpret_cast<const Unaligned*>(block.coordinate(1) + i) - query_.y();
+        const Native dz = *reinterpret_cast<const Unaligned*>(block.coordinate(2) + i) - query_.z();
+        Native d = dx * dx + dy * dy + dz * dz;
+        const Index slot = first_lanes() + i;
+        d = host::detail::blend(slot < end, d, kInfinity - Native{});  // the lanes beyond belong to other cells
+        const Index id = slot | num_visits_ << kSlotBits;
+        const Index nearest = d < l.best, nearer = d < l.second;
+        l.rest = host::detail::smaller(l.rest, host::detail::larger(d, l.second));
+        l.second = host::detail::smaller(l.second, host::detail::larger(d, l.best));
+        l.second_id = host::detail::blend(nearest, l.best_id, host::detail::blend(nearer, id, l.second_id));
+        l.best = host::detail::smaller(d, l.best);
+        l.best_id = host::detail::blend(nearest, id, l.best_id);
+      }
+      blocks_[num_visits_++] = &block;
     }
-    blocks_[num_visits_++] = &block;
+    lanes_ = l;
   }
 
-  /// Takes the lanes' findings over. Must be called before anything is read.
+  /// Squared distance of the nearest Gaussian so far; infinite without one.
+  [[nodiscard]] LANGGS_HOST_INLINE float squared_distance() const {
+    return std::min(found_[0].squared_distance, least_of(lanes_.best));
+  }
+
+  /// Takes the lanes' findings over. To be called after the last visit.
   LANGGS_HOST_INLINE void settle() {
-    const float least = least_of(best_);
-    if (least < squared_distance) {
-      const Index winners = best_ == least;
-      const int winner = std::countr_zero(host::detail::bits_of_part(winners));
-      squared_second = std::min(squared_second, squared_distance);
-      squared_distance = least;
-      const std::int32_t slot = slot_[winner];
-      gaussian = &blocks_[slot >> kSlotBits]->gaussians()[slot & ((1 << kSlotBits) - 1)];
-      best_ = host::detail::blend(first_lanes() == winner, kInfinity - Native{}, best_);
+    Lanes l = lanes_;
+    float least = least_of(l.best);
+    for (int taken = 0; taken < kFew && least < found_.back().squared_distance; ++taken) {
+      const int winner = std::countr_zero(host::detail::bits_of_part(l.best == least));
+      const std::int32_t id = l.best_id[winner];
+      insert({least, &blocks_[id >> kSlotBits]->gaussians()[id & ((1 << kSlotBits) - 1)]});
+      const Index is_winner = first_lanes() == winner;
+      l.best = host::detail::blend(is_winner, l.second, l.best);
+      l.best_id = host::detail::blend(is_winner, l.second_id, l.best_id);
+      l.second = host::detail::blend(is_winner, kInfinity - Native{}, l.second);
+      least = least_of(l.best);
     }
-    squared_second = std::min(squared_second, least_of(host::detail::smaller(best_, second_)));
-    best_ = second_ = kInfinity - Native{};
+    least_rest_ = std::min(least_rest_, least_of(host::detail::smaller(l.best, l.rest)));
+    lanes_ = {};
     num_visits_ = 0;
   }
 
-  const TargetGaussian* gaussian = nullptr;
-  float squared_distance = kInfinity, squared_second = kInfinity;
+  /// What was found within `radius` [m], given that everything within `reach` has been visited. After `settle`.
+  [[nodiscard]] LANGGS_HOST_INLINE TargetMatch match(float radius, float reach) const {
+    TargetMatch match;
+    match.rest_beyond = radius;
+    if (!(found_[0].squared_distance < radius * radius)) return match;
+    match.gaussian = found_[0].gaussian;
+    match.squared_distance = found_[0].squared_distance;
+    for (int i = 1; i < kFew; ++i) match.runners_up[i - 1] = found_[i].gaussian;
+    match.rest_beyond = std::min(std::sqrt(least_rest_), reach);
+    return match;
+  }
 
  private:
+  struct Found {
+    float squared_distance = kInfinity;
+    const TargetGaussian* gaussian = nullptr;
+  };
+
+  LANGGS_HOST_INLINE void insert(Found next) {
+    for (Found& f : found_)
+      if (next.squared_distance < f.squared_distance) std::swap(next, f);
+    least_rest_ = std::min(least_rest_, next.squared_distance);
+  }
+
   using Native = host::Varying<float>::Native;
   using Unaligned = host::Varying<float>::Unaligned;
   using Index = host::Varying<std::int32_t>::Native;
@@ -141,8 +184,14 @@ class NearestTwo {
   }
 
   Eigen::Vector3f query_;
-  Native best_ = kInfinity - Native{}, second_ = kInfinity - Native{};
-  Index slot_{};
+  /// What each lane has seen: the nearest two, and how far away the rest is (squared).
+  struct Lanes {
+    Native best = kInfinity - Native{}, second = kInfinity - Native{}, rest = kInfinity - Native{};
+    Index best_id{}, second_id{};  // visit and slot
+  };
+  Lanes lanes_;
+  std::array<Found, kFew> found_;  // ascending
+  float least_rest_ = kInfinity;
   int num_visits_ = 0;
   std::array<const GridBlock*, kMaxVisits> blocks_;
 };

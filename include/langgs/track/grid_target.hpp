@@ -31,7 +31,7 @@ class GridTarget {
   /// selection and insertion ask for.
   static constexpr float kCell = 0.064f;
   /// How much farther than the nearest Gaussian is looked [m]: a query may move by half of it before it is asked again.
-  static constexpr float kMargin = 0.006f;
+  static constexpr float kMargin = 0.009f;
 
   GridTarget() = default;
   explicit GridTarget(const std::vector<TargetGaussian>& gaussians) : GridTarget(GridTarget{}.renewed(gaussians)) {}
@@ -88,9 +88,9 @@ class GridTarget {
 
   /// The Gaussian nearest to `query` if it is closer than `radius` [m]. Exact.
   [[nodiscard]] TargetMatch nearest(const Eigen::Vector3f& query, float radius) const {
-    TargetMatch none{nullptr, 0, radius};
-    if (blocks_.empty() || !(query.cwiseAbs().maxCoeff() <= kMaxTargetCoordinate) || !query.allFinite()) return none;
-    detail::NearestTwo found(query);
+    detail::NearestFew found(query);
+    if (blocks_.empty() || !(query.cwiseAbs().maxCoeff() <= kMaxTargetCoordinate) || !query.allFinite())
+      return found.match(radius, radius);
     const Eigen::Array3f in_cells = query.array() * (1 / kCell);
     const Eigen::Array3f floor = in_cells.floor();
     const Eigen::Array3i own = floor.cast<int>();
@@ -99,25 +99,36 @@ class GridTarget {
     const Eigen::Array3f aside = kCell * into.min(1 - into);
     const Eigen::Array3f squared = aside.square();
     const int side[3] = {into.x() < 0.5f ? -1 : 1, into.y() < 0.5f ? -1 : 1, into.z() < 0.5f ? -1 : 1};
-    visit_cell(own, found);
-    found.settle();
+    const Eigen::Array3i own_block = block_of_cell(own);
+    const std::int32_t own_index = table_.find(key(own_block));
+    detail::GridCell cells[7];
+    int count = 0;
+    if (own_index >= 0) cells[count++] = {blocks_[own_index].get(), cell_in_block(own)};
+    found.visit(cells, count);
     float reach = reach_of(found, radius);
-    for (int corner = 1; corner < 8; ++corner) {
-      const bool x = corner & 1, y = corner & 2, z = corner & 4;
-      if (x * squared.x() + y * squared.y() + z * squared.z() > reach * reach) continue;
-      visit_cell({own.x() + x * side[0], own.y() + y * side[1], own.z() + z * side[2]}, found);
+    // Which of the seven other cells lie within reach; nobody can guess that, so there is no branch.
+    const float limit = reach * reach, in_plane[4] = {0, squared.x(), squared.y(), squared.x() + squared.y()};
+    unsigned within = 0;
+    for (unsigned corner = 1; corner < 8; ++corner)
+      within |= unsigned{in_plane[corner & 3] + (corner & 4 ? squared.z() : 0) <= limit} << corner;
+    count = 0;
+    for (; within != 0; within &= within - 1) {
+      const int corner = std::countr_zero(within);
+      const Eigen::Array3i cell(own.x() + (corner & 1 ? side[0] : 0), own.y() + (corner & 2 ? side[1] : 0),
+                                own.z() + (corner & 4 ? side[2] : 0));
+      const Eigen::Array3i block = block_of_cell(cell);
+      const std::int32_t index = (block == own_block).all() ? own_index : table_.find(key(block));
+      if (index >= 0) cells[count++] = {blocks_[index].get(), cell_in_block(cell)};
     }
-    found.settle();
+    found.visit(cells, count);
     const float searched = std::min(reach, kCell - aside.maxCoeff());
     reach = reach_of(found, radius);
-    if (searched < reach && found.squared_distance > searched * searched) {
+    if (searched < reach && found.squared_distance() > searched * searched)
       visit_others(query, own, side, reach, found);
-      found.settle();
-    } else {
+    else
       reach = searched;
-    }
-    if (!(found.squared_distance < radius * radius)) return none;
-    return {found.gaussian, found.squared_distance, std::min(std::sqrt(found.squared_second), reach)};
+    found.settle();
+    return found.match(radius, reach);
   }
 
  private:
@@ -206,18 +217,13 @@ class GridTarget {
   }
 
   /// How far to look given what was found: a little farther than the best, so that the answer holds for a while.
-  [[nodiscard]] static float reach_of(const detail::NearestTwo& found, float radius) {
-    return std::min(std::sqrt(found.squared_distance) + kMargin, radius);
-  }
-
-  LANGGS_HOST_INLINE void visit_cell(const Eigen::Array3i& cell, detail::NearestTwo& found) const {
-    const std::int32_t index = table_.find(key(block_of_cell(cell)));
-    if (index >= 0) found.visit(*blocks_[index], cell_in_block(cell));
+  [[nodiscard]] static float reach_of(const detail::NearestFew& found, float radius) {
+    return std::min(std::sqrt(found.squared_distance()) + kMargin, radius);
   }
 
   /// Goes on where the eight cells did not settle it: all other cells within reach, block by block.
   void visit_others(const Eigen::Vector3f& query, const Eigen::Array3i& own, const int (&side)[3], float reach,
-                    detail::NearestTwo& found) const {
+                    detail::NearestFew& found) const {
     const auto seen = [&](int cell, int a) { return cell == own[a] || cell == own[a] + side[a]; };
     const Eigen::Array3i low = ((query.array() - reach) * (1 / kCell)).floor().cast<int>();
     const Eigen::Array3i high = ((query.array() + reach) * (1 / kCell)).floor().cast<int>();
@@ -235,7 +241,9 @@ class GridTarget {
             if (seen(cell.x(), 0) && seen(cell.y(), 1) && seen(cell.z(), 2)) continue;
             const Eigen::Array3f corner = kCell * cell.cast<float>();
             const Eigen::Array3f outside = (corner - query.array()).max(query.array() - corner - kCell).max(0);
-            if (outside.square().sum() <= reach * reach) found.visit(*blocks_[index], local);
+            if (!(outside.square().sum() <= reach * reach)) continue;
+            const detail::GridCell one{blocks_[index].get(), local};
+            found.visit(&one, 1);
           }
         }
   }

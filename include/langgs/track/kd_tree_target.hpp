@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -25,28 +26,28 @@ using NanoflannSearchParameters = nanoflann::SearchParams;
 using NanoflannSearchParameters = nanoflann::SearchParameters;
 #endif
 
-/// nanoflann result set of the nearest two points within a bound.
-struct BoundedNearestTwo {
+/// nanoflann result set of the nearest few points, one more than are named, within a bound.
+struct BoundedNearestFew {
   using DistanceType = float;
   using IndexType = std::uint32_t;
+  static constexpr int kFew = 1 + TargetMatch::kRunnersUp;
+  struct Found {
+    float squared_distance = std::numeric_limits<float>::infinity();
+    std::uint32_t index = 0;
+  };
 
-  float bound;  ///< squared
-  float best = std::numeric_limits<float>::infinity(), second = best;
-  std::int64_t index = -1;
+  float bound;                        ///< squared
+  std::array<Found, kFew + 1> found;  ///< ascending
 
   bool addPoint(float squared_distance, std::uint32_t i) {
-    if (squared_distance < best) {
-      second = best;
-      best = squared_distance;
-      index = i;
-    } else {
-      second = std::min(second, squared_distance);
-    }
+    Found next{squared_distance, i};
+    for (Found& f : found)
+      if (next.squared_distance < f.squared_distance) std::swap(next, f);
     return true;
   }
-  [[nodiscard]] float worstDist() const { return std::min(second, bound); }
-  [[nodiscard]] bool full() const { return index >= 0; }
-  [[nodiscard]] bool empty() const { return index < 0; }
+  [[nodiscard]] float worstDist() const { return std::min(found.back().squared_distance, bound); }
+  [[nodiscard]] bool full() const { return !empty(); }
+  [[nodiscard]] bool empty() const { return found[0].squared_distance == std::numeric_limits<float>::infinity(); }
   [[nodiscard]] std::size_t size() const { return full() ? 1 : 0; }
   void sort() {}
 };
@@ -68,11 +69,19 @@ class KdTreeTarget {
 
   /// The Gaussian nearest to `query` if it is closer than `radius` [m].
   [[nodiscard]] TargetMatch nearest(const Eigen::Vector3f& query, float radius) const {
-    if (gaussians_.empty() || !query.allFinite()) return {nullptr, 0, radius};
-    detail::BoundedNearestTwo found{radius * radius};
-    index_.findNeighbors(found, query.data(), detail::NanoflannSearchParameters{});
-    if (!(found.best < radius * radius)) return {nullptr, 0, radius};
-    return {&gaussians_[found.index], found.best, std::min(std::sqrt(found.second), radius)};
+    TargetMatch match;
+    match.rest_beyond = radius;
+    if (gaussians_.empty() || !query.allFinite()) return match;
+    detail::BoundedNearestFew set{radius * radius, {}};
+    index_.findNeighbors(set, query.data(), detail::NanoflannSearchParameters{});
+    const auto& found = set.found;
+    if (!(found[0].squared_distance < set.bound)) return match;
+    match.gaussian = &gaussians_[found[0].index];
+    match.squared_distance = found[0].squared_distance;
+    for (int i = 1; i < set.kFew && found[i].squared_distance < set.bound; ++i)
+      match.runners_up[i - 1] = &gaussians_[found[i].index];
+    match.rest_beyond = std::min(std::sqrt(found.back().squared_distance), radius);
+    return match;
   }
 
   // nanoflann's dataset interface.

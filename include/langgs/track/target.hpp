@@ -60,12 +60,15 @@ struct TargetGaussian {
   return axes * variances.asDiagonal() * axes.transpose();
 }
 
-/// Answer to the question for the nearest Gaussian.
+/// Answer to the question for the nearest Gaussian, with what may become the nearest when the query moves.
 struct TargetMatch {
+  static constexpr int kRunnersUp = 3;
   const TargetGaussian* gaussian = nullptr;  ///< null: none is closer than asked; lives as long as the target
   float squared_distance = 0;                ///< [m^2]
-  /// Every other Gaussian is at least this far away [m]: until the query has moved by the difference, the answer stays.
-  float others_beyond = 0;
+  /// Others that are near, ascending; null beyond as many as there are. None without a nearest one.
+  std::array<const TargetGaussian*, kRunnersUp> runners_up{};
+  /// Every Gaussian that is not named here is at least this far away [m]: a query nearby has its nearest among these.
+  float rest_beyond = 0;
 };
 
 /// What GicpTracker can register to.
