@@ -130,7 +130,8 @@ class GicpCost {
   [[nodiscard]] NormalEquations linearise(const Pose& T_world_camera, const Eigen::Vector3d& centre,
                                           const GicpWeights& weights) {
     const PlacementLanes3 T(T_world_camera);
-    const PhotometricLanes colour = photometric_.at(T_world_camera, brightening_);
+    uses_colour_ = weights.photometric_weight > 0;
+    const PhotometricLanes colour = photometric_.at(T_world_camera, brightening_, uses_colour_);
     const Eigen::Vector3f c3 = centre.cast<float>();
     const Lanes3 c{Float(c3.x()), Float(c3.y()), Float(c3.z())};
     const auto inverse_square = [](double width) { return width > 0 ? static_cast<float>(1 / (width * width)) : 0.f; };
@@ -211,7 +212,7 @@ class GicpCost {
   /// The cost at another pose with the correspondences and weights of the last linearisation.
   [[nodiscard]] double value(const Pose& T_world_camera) {
     const PlacementLanes3 T(T_world_camera);
-    const PhotometricLanes colour = photometric_.at(T_world_camera, brightening_);
+    const PhotometricLanes colour = photometric_.at(T_world_camera, brightening_, uses_colour_);
     return sum<1>([&](int k, Float(&s)[1]) LANGGS_INLINE_LAMBDA {
       const Lanes3 mean = load3(kMean, k), e = mean - T * load3(kPoint, k);
       const PhotometricLanes::Value p = colour.value(mean, load(kIntensity, k));
@@ -327,6 +328,7 @@ class GicpCost {
 
   WorkerPool& pool_;
   PhotometricTerm photometric_;
+  bool uses_colour_ = false;                      // in the last linearisation
   float brightening_ = 0, next_brightening_ = 0;  // mean difference of the frame's grey values from the map's
   std::vector<int> source_;
   std::size_t pitch_ = 0;

@@ -153,7 +153,7 @@ class GicpTracker {
     Pose& T = result.T_world_camera;
     T = initial_T_world_camera;
     double gate = settings_.coarse_distance;
-    double damping = kInitialDamping;
+    Progress progress;
     double photometric_weight = 0;
     double moved = std::numeric_limits<double>::infinity();  // a typical point, by the last step [m]
     while (result.iterations < settings_.max_iterations) {
@@ -175,7 +175,7 @@ class GicpTracker {
         system = cost.linearise(T, centre, {width, photometric_weight, settings_.photometric_width});
         curvature = decompose(system.hessian, cost.radius());
       }
-      const Twist step = damped_step(cost, system, curvature, T, damping);
+      const Twist step = damped_step(cost, system, curvature, T, progress);
       T = renormalized(moved_about(centre, step) * T);
       cost.adopt_exposure();
 
@@ -188,10 +188,26 @@ class GicpTracker {
     return GicpStatus::iteration_limit;
   }
 
+  /// What one step leaves for the next.
+  struct Progress {
+    double damping = kInitialDamping;
+    Twist direction = Twist::Zero();  ///< of the last step, in Curvature's units, before it was lengthened
+    double relaxation = 1;            ///< and by how much it was
+
+    /// By how much to lengthen a step. Correspondences follow the pose, so on noisy surfaces every step covers the same
+    /// part of what is left; which part, two steps tell (Irons and Tuck 1969).
+    [[nodiscard]] double relax(const Twist& next) const {
+      const Twist change = next - direction;
+      const double ratio = -relaxation * direction.dot(change) / change.squaredNorm();
+      return ratio > 1 ? std::min(ratio, kMostRelaxation) : 1;
+    }
+  };
+
   /// Levenberg-Marquardt: the first step, with growing damping, that does not raise the cost; zero if none does.
   /// Directions that geometry leaves open do not move: there the guess is worth more than noise (A.19, item 3).
   [[nodiscard]] Twist damped_step(detail::GicpCost& cost, const detail::NormalEquations& system,
-                                  const Curvature& curvature, const Pose& T, double& damping) const {
+                                  const Curvature& curvature, const Pose& T, Progress& progress) const {
+    double& damping = progress.damping;
     const double largest = curvature.values[5];
     const Twist slope = curvature.directions.transpose() * (curvature.units.asDiagonal() * system.gradient);
     const Eigen::Vector3d centre = T * cost.centroid();
@@ -200,13 +216,15 @@ class GicpTracker {
       for (int k = 0; k < 6; ++k)
         if (curvature.values[k] > settings_.degenerate_ratio * largest)
           along[k] = -slope[k] / (curvature.values[k] + damping * largest);
-      const Twist step = curvature.units.asDiagonal() * (curvature.directions * along);
+      const Twist direction = curvature.directions * along;
+      const double relaxation = trial == 0 ? progress.relax(direction) : 1;
+      const Twist step = relaxation * (curvature.units.asDiagonal() * direction);
       if (step.allFinite() && cost.value(moved_about(centre, step) * T) <= system.cost * (1 + kCostNoise)) {
-        damping = std::max(kInitialDamping, 0.1 * damping);
+        progress = {std::max(kInitialDamping, 0.1 * damping), direction, relaxation};
         return step;
       }
     }
-    damping = kInitialDamping;
+    progress = {};
     return Twist::Zero();
   }
 
@@ -279,9 +297,10 @@ class GicpTracker {
   static constexpr double kInitialDamping = 1e-9;  // of the largest curvature: Gauss-Newton unless that fails
   static constexpr double kCoarseStep = 0.004;     // m; a quarter of the points is enough for longer ones
   static constexpr double kGateOverStep = 3;  // what is left to move is about the last step: keep thrice that in reach
-  static constexpr double kCostNoise = 1e-6;  // of sums in single precision
-  static constexpr int kMaxTrials = 10;       // ends at a damping of 1: plain gradient descent
-  static constexpr double kMinVariance = 1e-12;  // m^2; perfect data must not claim infinite information
+  static constexpr double kMostRelaxation = 1.6;  // below 2, or a step could raise the cost that it was made for
+  static constexpr double kCostNoise = 1e-6;      // of sums in single precision
+  static constexpr int kMaxTrials = 10;           // ends at a damping of 1: plain gradient descent
+  static constexpr double kMinVariance = 1e-12;   // m^2; perfect data must not claim infinite information
 
   GicpSettings settings_;
 };

@@ -26,15 +26,16 @@ class PhotometricLanes {
     Lanes3 gradient;   ///< of the frame's grey value by the mean, world frame [1/m]
   };
 
-  PhotometricLanes(const IntensityImage& image, const Pose& T_world_colour, float brightening)
-      : image_(image), T_colour_world_(T_world_colour.inverse()), brightening_(brightening) {}
+  PhotometricLanes(const IntensityImage& image, const Pose& T_world_colour, float brightening, bool wanted)
+      : image_(image), T_colour_world_(T_world_colour.inverse()), brightening_(brightening), wanted_(wanted) {}
 
   [[nodiscard]] LANGGS_HOST_INLINE Value value(const Lanes3& mean, const Float& intensity) const {
+    Value result{host::Mask(0), Float(0.f), {Float(0.f), Float(0.f), Float(0.f)}};
+    if (!wanted_) return result;
     const Camera& camera = image_.camera;
     const Lanes3 p = T_colour_world_ * mean;
     const Float one_over_z = 1.f / p.z;
     const Float u = camera.fx * (p.x * one_over_z) + camera.cx, v = camera.fy * (p.y * one_over_z) + camera.cy;
-    Value result{host::Mask(0), Float(0.f), {Float(0.f), Float(0.f), Float(0.f)}};
     result.valid = (p.z > kNearest) & (intensity >= 0.f) & (u >= 0.f) & (v >= 0.f) &
                    (u < static_cast<float>(camera.width - 1)) & (v < static_cast<float>(camera.height - 1));
     if (!host::any(result.valid)) return result;
@@ -64,6 +65,7 @@ class PhotometricLanes {
   const IntensityImage& image_;
   PlacementLanes3 T_colour_world_;
   float brightening_;
+  bool wanted_;
 };
 
 class PhotometricTerm {
@@ -71,8 +73,9 @@ class PhotometricTerm {
   PhotometricTerm(const IntensityImage& image, const Pose& T_colour_depth)
       : image_(image), T_depth_colour_(T_colour_depth.inverse()) {}
 
-  [[nodiscard]] PhotometricLanes at(const Pose& T_world_depth, float brightening) const {
-    return {image_, T_world_depth * T_depth_colour_, brightening};
+  /// `wanted`: otherwise no Gaussian appears.
+  [[nodiscard]] PhotometricLanes at(const Pose& T_world_depth, float brightening, bool wanted) const {
+    return {image_, T_world_depth * T_depth_colour_, brightening, wanted};
   }
 
  private:
