@@ -84,6 +84,12 @@ void add_method_options(CLI::App& app, RunOptions& o) {
       ->check(CLI::IsMember({"gicp", "given"}))
       ->capture_default_str()
       ->group(group);
+  app.add_option("--depth-sensor", o.depth_sensor,
+                 "how depth noise grows, by which tracking weighs points: structured-light (with the square of the "
+                 "distance) or time-of-flight (with the distance)")
+      ->check(CLI::IsMember({"structured-light", "time-of-flight"}))
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--features", o.features,
                  "none; labels: the vector of each pixel's class; texture: computed from the image; npy:DIR: a file "
                  "NAME.npy for each keyframe; auto: labels on the built-in data set, else none")
@@ -259,6 +265,7 @@ nlohmann::ordered_json to_json(const RunOptions& o) {
   j["stride"] = o.stride;
   j["hold-out"] = o.hold_out;
   j["tracking"] = o.tracking;
+  if (o.tracking == "gicp") j["depth-sensor"] = o.depth_sensor;
   j["features"] = o.features;
   if (o.has_features()) {
     if (!o.class_features.empty()) j["class-features"] = o.class_features.string();

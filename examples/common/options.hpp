@@ -19,6 +19,7 @@ struct RunOptions {
   int hold_out = 0;  ///< every Nth frame is kept out of mapping; 0: none
 
   std::string tracking = "gicp";
+  std::string depth_sensor = "structured-light";
   std::string features = "auto";  ///< auto: labels on the built-in data set, none elsewhere
   std::filesystem::path class_features;
   std::string npy_layout = "hwd";

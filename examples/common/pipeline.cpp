@@ -11,6 +11,7 @@ namespace langgs::examples {
 SlamSettings slam_settings(const RunOptions& o) {
   SlamSettings s;
   s.tracking.poses = o.tracking == "given" ? PoseSource::given : PoseSource::gicp;
+  if (o.depth_sensor == "time-of-flight") s.tracking.source = time_of_flight(s.tracking.source);
   s.mapping.refine_poses = !o.no_pose_refinement;
   if (o.no_redundancy) s.mapping.redundancy.squared_distance = 0;
   s.mapping.feature_rendering = o.feature_render == "blend" ? FeatureRendering::blend : FeatureRendering::topk;

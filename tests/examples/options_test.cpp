@@ -41,6 +41,16 @@ TEST_CASE("Defaults and values") {
   CHECK_FALSE(to_json(parse({"--features", "none"})).contains("feature-dim"));
 }
 
+TEST_CASE("The depth sensor decides how points are weighed") {
+  const SourceCloudSettings structured = slam_settings(parse({})).tracking.source;
+  CHECK(structured.noise_z == SourceCloudSettings{}.noise_z);
+  CHECK(structured.noise_z2 == SourceCloudSettings{}.noise_z2);
+  const SourceCloudSettings tof = slam_settings(parse({"--depth-sensor", "time-of-flight"})).tracking.source;
+  CHECK(tof.noise_z == time_of_flight().noise_z);
+  CHECK(tof.noise_z2 == 0);
+  CHECK_THROWS_AS(parse({"--depth-sensor", "lidar"}), InvalidArgument);
+}
+
 TEST_CASE("--device cuda says how to build for it where it is not compiled in") {
   CHECK(parse({}).device == "host");
   if (has_cuda())
