@@ -76,8 +76,11 @@ from() {
 }
 check_track() {
   if has track benchmarks/alignment_benchmark; then
-    figure track alignment_ms_1 "$("$build/benchmarks/alignment_benchmark" --benchmark_format=csv \
-      --benchmark_filter='^align/grid/far/threads:1/' 2>/dev/null | awk -F, '/^"align/ { print $3 }')" at-most 4
+    local start
+    for start in near far; do
+      figure track "alignment_${start}_ms_1" "$("$build/benchmarks/alignment_benchmark" --benchmark_format=csv \
+        --benchmark_filter="^align/grid/$start/threads:1/" 2>/dev/null | awk -F, '/^"align/ { print $3 }')" at-most 4
+    done
   fi
   if has track benchmarks/front_end && from tum_fr1_xyz; then
     "$build/benchmarks/front_end" --dataset tum --input "$LANGGS_DATA_DIR/tum_fr1_xyz" --threads 1 >"$out/front_end"
