@@ -134,6 +134,15 @@ struct EndList {
   }
 };
 
+/// Keys, and a larger one behind the last.
+struct EndKeys {
+  ListSize size;
+  const std::uint32_t* keys;
+  std::uint32_t largest;
+  std::uint32_t* ended;
+  LANGGS_HD void operator()(int i) const { ended[i] = i < size.get() ? keys[i] : largest; }
+};
+
 /// Bits of the keys 0 .. num_keys - 1, at least one.
 [[nodiscard]] inline int key_bits(int num_keys) {
   return std::max(1, static_cast<int>(std::bit_width(static_cast<unsigned>(num_keys - 1))));
@@ -202,6 +211,18 @@ int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts
 }
 
 template <detail::CudaBackend Backend>
+ListSize list_size(const Executor<Backend>&, const std::int32_t* exact, int most) {
+  return {most, exact};
+}
+
+template <detail::CudaBackend Backend>
+ListSize exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts, std::int32_t* offsets, int n,
+                        int most) {
+  (void)detail::start_scan(executor, {counts, offsets}, n);
+  return list_size(executor, offsets + n, most);
+}
+
+template <detail::CudaBackend Backend>
 void scan_in_order(const Executor<Backend>& executor, const std::int32_t* which, const std::int32_t* begin,
                    std::int32_t* offsets, const ListSize& size) {
   detail::run_cub(executor, "scan_in_order", 0, [&](void* temporary, std::size_t& temporary_bytes, std::byte*) {
@@ -250,14 +271,21 @@ void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff
 }
 
 template <class T, detail::CudaBackend Backend>
-void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, int n, T* grouped,
-                  Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, const ListSize& size,
+                  T* grouped, Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+  const int n = size.most;
+  const bool is_known = size.exact == nullptr;
+  const std::size_t part = detail::part_bytes(static_cast<std::size_t>(n) * 4);
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   const std::byte* const sorted = detail::run_cub(
-      executor, "group_by_key", static_cast<std::size_t>(n) * 4,
+      executor, "group_by_key", is_known ? part : 2 * part,
       [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
-        return cub::DeviceRadixSort::SortPairs(temporary, temporary_bytes, keys, reinterpret_cast<std::uint32_t*>(own),
-                                               values, grouped, n, 0, detail::key_bits(num_keys), executor.stream());
+        auto* const ended = reinterpret_cast<std::uint32_t*>(own + part);
+        if (!is_known && temporary != nullptr)
+          for_each_n(executor, n, detail::EndKeys{size, keys, static_cast<std::uint32_t>(num_keys), ended});
+        return cub::DeviceRadixSort::SortPairs(temporary, temporary_bytes, is_known ? keys : ended,
+                                               reinterpret_cast<std::uint32_t*>(own), values, grouped, n, 0,
+                                               detail::key_bits(is_known ? num_keys : num_keys + 1), executor.stream());
       });
   for_each_n(executor, num_keys + 1,
              detail::FindGroups<std::uint32_t>{reinterpret_cast<const std::uint32_t*>(sorted), n, offsets.data()});
