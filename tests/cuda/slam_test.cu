@@ -52,15 +52,20 @@ TEST_CASE("A run on CUDA is that of the host, and itself again bit for bit") {
   CHECK(test::slam_run<Cuda>().bytes == run.bytes);
 }
 
-TEST_CASE("A run on CUDA neither waits nor takes memory between the iterations on keyframes that it knows") {
+template <int K, class Optimizer, class Coupling>
+using CudaSlam = LangGsSlam<test::kDim, K, PruningPolicy, HybridSchedule, Optimizer, Coupling, Cuda>;
+using Decoupled = CudaSlam<3, FeatureAverage<>, DecoupledFields>;
+using Coupled = CudaSlam<2, FeatureAdam<>, CoupledFields>;
+
+TEST_CASE_TEMPLATE("A run on CUDA neither waits nor takes memory between the iterations on keyframes that it knows",
+                   Slam, Decoupled, Coupled) {
   const SyntheticRoom room = test::small_room(3);
   SlamSettings settings = test::small_settings();
   settings.final_iterations = 8;
   settings.mapping.pose_refinement.start_after_visits = 0;
   const auto memory = std::make_shared<test::CountedMemory>();
   const Executor<Cuda> executor(gpu::Stream(), memory);
-  LangGsSlam<test::kDim, 3, PruningPolicy, HybridSchedule, FeatureAverage<>, DecoupledFields, Cuda> slam(
-      room.camera(), settings, executor);
+  Slam slam(room.camera(), settings, executor);
   slam.pruning.backbone_period = slam.pruning.consistency_period = 0;
   slam.schedule.feature_every = 2;
   slam.keyframe_policy = test::often();
@@ -82,8 +87,7 @@ TEST_CASE("A run on CUDA does an iteration without room for its lists again, and
   const SyntheticRoom room = test::small_room(3);
   SlamSettings settings = test::small_settings();
   settings.iterations_per_frame = 1;  // no list has room before the first
-  LangGsSlam<test::kDim, 3, PruningPolicy, HybridSchedule, FeatureAverage<>, DecoupledFields, Cuda> slam(room.camera(),
-                                                                                                         settings);
+  Decoupled slam(room.camera(), settings);
   auto features = test::label_features(room);
   (void)slam.process(test::frames_of(room).front(), features, {.is_last = true});
   slam.finish();
@@ -101,8 +105,7 @@ TEST_CASE("A run on CUDA does an iteration without room for its lists again, and
 
 TEST_CASE("A run on CUDA may have mapping in a thread of its own") {
   const SyntheticRoom room = test::small_room(3);
-  LangGsSlam<test::kDim, 2, PruningPolicy, HybridSchedule, FeatureAdam<>, CoupledFields, Cuda> slam(
-      room.camera(), test::small_settings());
+  Coupled slam(room.camera(), test::small_settings());
   slam.keyframe_policy = test::often();
   auto features = test::label_features(room);
   const std::vector<RgbdFrame> frames = test::frames_of(room);

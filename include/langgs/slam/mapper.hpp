@@ -133,6 +133,11 @@ class Mapper {
 
   [[nodiscard]] const Map& map() const { return map_; }
   [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return keyframes_.all(); }
+  /// Features [h, w, FeatDim] and where there are any [h, w] of keyframe i, which has some, in the backend's memory;
+  /// for work that is put on the executor before the mapper is asked for anything else.
+  [[nodiscard]] std::pair<const Half*, const std::uint8_t*> teacher(const Executor<Backend>& executor, int i) {
+    return uploads_.teacher(executor, i, keyframes_[i]);
+  }
   /// Of the last iteration that moved geometry; waits for it.
   [[nodiscard]] double last_loss() const { return loss_.terms().total; }
 
@@ -211,7 +216,7 @@ class Mapper {
       step_geometry(executor, keyframe);
     };
     if (is_coupled())
-      learn();  // waits for the loss of the features
+      learn();  // each keyframe has its teacher elsewhere
     else
       replay_(executor, learning_arguments(), learn);
     if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
@@ -244,8 +249,8 @@ class Mapper {
     if constexpr (Coupling::kCoupled) {
       if (is_coupled()) {
         const SampleGrid grid{keyframe.features.width(), keyframe.features.height(), camera_};
-        on_weights_.evaluate(executor, rasterizer_, grid, map_.features().data(), keyframe.features,
-                             visit_.coupling.weight);
+        on_weights_.start(executor, rasterizer_, grid, map_.features().data(), teacher(executor, visit_.keyframe).first,
+                          visit_.coupling.weight);
         return rasterizer_.backward(executor, map_.geometry(), upstream, map_gradient_, on_weights_.view());
       }
     }
@@ -255,12 +260,12 @@ class Mapper {
   void step_features(const Executor<Backend>& executor) {
     const FeatureMap<FeatDim>& features = keyframes_[visit_.keyframe].features;
     const SampleGrid grid{features.width(), features.height(), camera_};
-    const auto teacher = uploads_.teacher(executor, visit_.keyframe, keyframes_[visit_.keyframe]);
+    const auto [values, present] = teacher(executor, visit_.keyframe);
     if (settings_.mapping.feature_rendering == FeatureRendering::topk)
-      contributions_.from_topk(executor, rasterizer_, grid, teacher.second);
+      contributions_.from_topk(executor, rasterizer_, grid, present);
     else
-      contributions_.from_blending(executor, rasterizer_.splats(), grid, teacher.second);
-    feature_step_.step(executor, visit_.optimizer, map_, contributions_.view(), features, teacher.first);
+      contributions_.from_blending(executor, rasterizer_.splats(), grid, present);
+    feature_step_.step(executor, visit_.optimizer, map_, contributions_.view(), features, values);
   }
 
   void collect_statistics(const Executor<Backend>& executor) {
