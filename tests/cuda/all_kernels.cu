@@ -60,7 +60,6 @@ template void for_each_n(const Executor<Cuda>&, const ListSize&, const PutView&)
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::AdmitLists<2>&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::EndList<std::uint32_t>&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::EndList<KeyValue>&);
-template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::EndKeys&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const ReduceStatistics&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::TakeValues&);
 template void for_each_n(const Executor<Cuda>&, const ListSize&, const detail::TakeRows<Half>&);

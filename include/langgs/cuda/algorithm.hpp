@@ -123,24 +123,20 @@ struct TakeValues {
   LANGGS_HD void operator()(int i) const { values[i] = pairs[i].value; }
 };
 
-/// Gives what follows the last element of a list a key that is larger than any, so that it stays behind when sorted.
+/// Gives what follows the last element of a list a key that is larger than any, so that it stays behind when sorted: in
+/// place, or in a copy.
 template <class Item>
 struct EndList {
   ListSize size;
-  Item* items;
+  const Item* items;
+  Item* ended;
   Item largest;
   LANGGS_HD void operator()(int i) const {
-    if (i >= size.get()) items[i] = largest;
+    if (i >= size.get())
+      ended[i] = largest;
+    else if (ended != items)
+      ended[i] = items[i];
   }
-};
-
-/// Keys, and a larger one behind the last.
-struct EndKeys {
-  ListSize size;
-  const std::uint32_t* keys;
-  std::uint32_t largest;
-  std::uint32_t* ended;
-  LANGGS_HD void operator()(int i) const { ended[i] = i < size.get() ? keys[i] : largest; }
 };
 
 /// Bits of the keys 0 .. num_keys - 1, at least one.
@@ -160,7 +156,7 @@ void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::in
                  SortScratch<Cuda>&) {
   const int n = size.most;
   if (n == 0) return;
-  if (size.exact != nullptr) for_each_n(executor, n, detail::EndList<std::uint32_t>{size, keys, UINT32_MAX});
+  if (size.exact != nullptr) for_each_n(executor, n, detail::EndList<std::uint32_t>{size, keys, keys, UINT32_MAX});
   const std::size_t bytes = static_cast<std::size_t>(n) * 4, part = detail::part_bytes(bytes);
   cub::DoubleBuffer<std::uint32_t> sorted_keys;
   cub::DoubleBuffer<std::int32_t> sorted_values;
@@ -282,7 +278,8 @@ void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, 
       [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
         auto* const ended = reinterpret_cast<std::uint32_t*>(own + part);
         if (!is_known && temporary != nullptr)
-          for_each_n(executor, n, detail::EndKeys{size, keys, static_cast<std::uint32_t>(num_keys), ended});
+          for_each_n(executor, n,
+                     detail::EndList<std::uint32_t>{size, keys, ended, static_cast<std::uint32_t>(num_keys)});
         return cub::DeviceRadixSort::SortPairs(temporary, temporary_bytes, is_known ? keys : ended,
                                                reinterpret_cast<std::uint32_t*>(own), values, grouped, n, 0,
                                                detail::key_bits(is_known ? num_keys : num_keys + 1), executor.stream());
@@ -300,7 +297,7 @@ void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, const List
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   // One key more than there are groups, for what follows the last pair.
   if (size.exact != nullptr)
-    for_each_n(executor, n, detail::EndList<KeyValue>{size, pairs, {static_cast<std::uint32_t>(num_keys), 0}});
+    for_each_n(executor, n, detail::EndList<KeyValue>{size, pairs, pairs, {static_cast<std::uint32_t>(num_keys), 0}});
   const int bits = detail::key_bits(size.exact != nullptr ? num_keys + 1 : num_keys);
   cub::DoubleBuffer<std::uint64_t> sorted;
   detail::run_cub(executor, "group_by_key", static_cast<std::size_t>(n) * sizeof(KeyValue),
