@@ -101,7 +101,7 @@ template <class Body>
 void measure(benchmark::State& state, const Samples& samples, double bytes, const Body& body) {
   body();
   for (auto _ : state) body();
-  const int size = samples.contributions.view().size;
+  const int size = samples.contributions.view().size.most;
   state.counters["contributions"] = size;
   state.counters["MB"] = (bytes + size * 12.) * 1e-6;
 }
@@ -116,7 +116,7 @@ void record(benchmark::State& state, const Sampling& sampling) {
   measure(state, samples, 0, samples.record);
   const ContributionView view = samples.contributions.view();
   double sum = 0;
-  for (int i = 0; i < view.size; ++i) sum += static_cast<double>(view.contribution[i].weight);
+  for (int i = 0; i < view.size.most; ++i) sum += static_cast<double>(view.contribution[i].weight);
   state.counters["sum"] = sum;
 }
 

@@ -87,8 +87,8 @@ class Learner {
   void print() {
     TeacherCosine cosine;
     for (std::size_t k = 0; k < scene_->keyframes.size(); ++k)
-      cosine.add(scene_->executor, scene_->contributions[k].view(), map_.features().data(),
-                 scene_->keyframes[k].features);
+      cosine.add<kDim>(scene_->executor, scene_->contributions[k].view(), map_.features().data(),
+                       scene_->keyframes[k].features.pixel(0, 0));
     std::size_t right = 0, all = 0;
     for (std::size_t v = 0; v < scene_->views.size(); ++v) {
       const Image<std::uint16_t> labels =

@@ -78,8 +78,8 @@ struct FeatureWork {
     samples.from_topk(executor, rasterizer, {camera.width / divisor, camera.height / divisor, camera});
     FeatureHits<Host> hits;
     hits.build(executor, samples.view(), num_gaussians);
-    contributions += samples.view().size;
-    touched += hits.view().num_touched;
+    contributions += samples.view().size.most;
+    touched += hits.view().num_touched.most;
   }
 };
 

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kLine = "'fx fy cx cy width height depth_scale [k1 k2 p1 p2 k3]'";
-constexpr std::uint64_t kMaxBytes = 1 << 20;
+constexpr std::uint64_t kMaxSettingsBytes = 1 << 20;
 
 /// All numbers of a line, or nothing if a word is none.
 std::optional<std::vector<double>> numbers_of(std::string_view line) {
@@ -60,7 +60,7 @@ bool holds_word(const std::string& name, std::string_view word) {
 }  // namespace
 
 Calibration read_calibration(const fs::path& path) {
-  const std::string file = path.string(), content = read_file(path, kMaxBytes);
+  const std::string file = path.string(), content = read_file(path, kMaxSettingsBytes);
   std::string_view rest = content, line;
   std::optional<Calibration> result;
   for (int number = 1; detail::next_line(rest, line); ++number) {
@@ -123,7 +123,8 @@ Calibration tum_calibration(const fs::path& folder) {
 }
 
 Calibration read_cam_params(const fs::path& path) {
-  const nlohmann::json json = nlohmann::json::parse(read_file(path, kMaxBytes), nullptr, /*allow_exceptions=*/false);
+  const nlohmann::json json =
+      nlohmann::json::parse(read_file(path, kMaxSettingsBytes), nullptr, /*allow_exceptions=*/false);
   const auto fail = [&](const std::string& what) {
     detail::raise<IoError>(path.string(), ": ", what,
                            R"(; it needs {"camera": {"w":, "h":, "fx":, "fy":, "cx":, "cy":, "scale":}})");

@@ -16,12 +16,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 28;
+constexpr std::uint64_t kMaxImageBytes = std::uint64_t{1} << 28;
 
 /// Decodes a file as it is stored. OpenCV returns a partly filled image for a truncated PNG or JPEG and only prints a
 /// warning, so the end of the file is checked first.
 cv::Mat decode(const fs::path& path, const Camera& camera) {
-  const std::string bytes = read_file(path, kMaxBytes);
+  const std::string bytes = read_file(path, kMaxImageBytes);
   const auto ends_with = [&](std::string_view mark, std::size_t slack) {
     return bytes.size() > 16 && bytes.rfind(mark) != std::string::npos &&
            bytes.rfind(mark) + mark.size() + slack >= bytes.size();

@@ -33,38 +33,25 @@ bool has_cuda() {
 std::string supported_dims_text() { return "16, 64, 512"; }
 std::string supported_k_text() { return "3, or with --feature-dim 512 also 1, 5, 10"; }
 
+namespace {
+
+std::string supported_text(const RunOptions& options) {
+  if (options.device == "cuda") return "--feature-dim 16 or 512, --top-k 3 and --feature-optimizer average";
+  if (options.feature_optimizer == "adam") return "--feature-dim 512 and --top-k 3, or --feature-optimizer average";
+  return "--feature-dim " + supported_dims_text() + " and --top-k " + supported_k_text();
+}
+
+}  // namespace
+
 std::unique_ptr<Pipeline> make_pipeline(const RunOptions& options, const Dataset& dataset,
                                         const std::vector<float>& class_vectors) {
-  const int dim = options.has_features() ? options.feature_dim : 1;
-#if defined(LANGGS_EXAMPLES_CUDA)
-  if (options.device == "cuda") {
-    const bool averages = !options.has_features() || options.feature_optimizer == "average";
-    std::unique_ptr<Pipeline> on_cuda = averages ? make_pipeline_cuda(options, dataset, class_vectors) : nullptr;
-    LANGGS_EXPECTS(on_cuda, "--device cuda with --feature-dim ", dim, ", --top-k ", options.top_k,
-                   " and --feature-optimizer ", options.feature_optimizer,
-                   " is not compiled in; use --feature-dim 16 or 512, --top-k 3 and average, or add it in "
-                   "examples/common/pipeline_cuda.cu");
-    return on_cuda;
-  }
-#endif
-  if (options.has_features() && options.feature_optimizer == "adam") {
-    LANGGS_EXPECTS(dim == 512 && options.top_k == 3,
-                   "--feature-optimizer adam is compiled in for --feature-dim 512 and ", "--top-k 3 alone, not for ",
-                   dim, " and ", options.top_k,
-                   "; choose average, or add a file like examples/common/pipeline_d512_adam.cpp");
-    return make_pipeline_d512_adam(options, dataset, class_vectors);
-  }
-  std::unique_ptr<Pipeline> pipeline = dim == 1     ? make_pipeline_d1(options, dataset, class_vectors)
-                                       : dim == 16  ? make_pipeline_d16(options, dataset, class_vectors)
-                                       : dim == 64  ? make_pipeline_d64(options, dataset, class_vectors)
-                                       : dim == 512 ? make_pipeline_d512(options, dataset, class_vectors)
-                                                    : nullptr;
-  const bool known_dim = dim == 1 || dim == 16 || dim == 64 || dim == 512;
-  LANGGS_EXPECTS(pipeline || !known_dim, "--top-k ", options.top_k, " is not compiled in for ", dim,
-                 "-dimensional features; choose ", supported_k_text(), ", or add it in examples/common/pipeline_d", dim,
-                 ".cpp");
-  LANGGS_EXPECTS(pipeline, "feature dimension ", dim, " is not compiled in; choose one of ", supported_dims_text(),
-                 ", or add a file like examples/common/pipeline_d512.cpp");
+  std::unique_ptr<Pipeline> pipeline;
+  for (PipelineFactory* const make : {LANGGS_EXAMPLE_FACTORIES})
+    if (!pipeline) pipeline = make(options, dataset, class_vectors);
+  LANGGS_EXPECTS(pipeline, "--feature-dim ", options.has_features() ? options.feature_dim : 1, ", --top-k ",
+                 options.top_k, ", --feature-optimizer ", options.feature_optimizer, " and --device ", options.device,
+                 " are not compiled in together; choose ", supported_text(options),
+                 ", or add a file like examples/common/pipeline_d512.cpp and name it in LANGGS_EXAMPLE_PIPELINES");
   return pipeline;
 }
 

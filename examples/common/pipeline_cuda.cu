@@ -6,11 +6,10 @@ namespace langgs::examples {
 
 std::unique_ptr<Pipeline> make_pipeline_cuda(const RunOptions& options, const Dataset& dataset,
                                              const std::vector<float>& class_vectors) {
-  const int dim = options.has_features() ? options.feature_dim : 1;
-  if (dim == 1) return pipeline_with_k<1, FeatureAverage<>, Cuda, 3>(options, dataset, class_vectors);
-  if (dim == 16) return pipeline_with_k<16, FeatureAverage<>, Cuda, 3>(options, dataset, class_vectors);
-  if (dim == 512) return pipeline_with_k<512, FeatureAverage<>, Cuda, 3>(options, dataset, class_vectors);
-  return nullptr;
+  std::unique_ptr<Pipeline> pipeline = pipeline_with_k<1, FeatureAverage<>, Cuda, 3>(options, dataset, class_vectors);
+  if (!pipeline) pipeline = pipeline_with_k<16, FeatureAverage<>, Cuda, 3>(options, dataset, class_vectors);
+  if (!pipeline) pipeline = pipeline_with_k<512, FeatureAverage<>, Cuda, 3>(options, dataset, class_vectors);
+  return pipeline;
 }
 
 }  // namespace langgs::examples

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/pipeline_dims.hpp"
 #include "common/pipeline_of.hpp"
-#include "langgs/optimize/feature_adam.hpp"
 
 namespace langgs::examples {
 

@@ -7,7 +7,8 @@
 #include "common/pipeline.hpp"
 
 /// @file One factory and one source file for each feature dimension, so that they compile side by side, and one for
-/// CUDA. Each gives null for a D or K that it does not have.
+/// CUDA. Each gives null for options that it has no pipeline for. LANGGS_EXAMPLE_PIPELINES says to CMake which there
+/// are.
 
 namespace langgs::examples {
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "common/options.hpp"
 #include "common/pipeline.hpp"
 #include "langgs/io/safetensors.hpp"
+#include "langgs/optimize/feature_adam.hpp"
 #include "langgs/slam/slam.hpp"
 
 namespace langgs::examples {
@@ -147,10 +149,19 @@ class PipelineOf : public Pipeline {
   FeatureFunction<D> features_;
 };
 
-/// The pipeline of dimension D for a K that was compiled in, else null.
+template <class Optimizer>
+inline constexpr std::string_view kOptimizerName = "average";
+template <class T>
+inline constexpr std::string_view kOptimizerName<FeatureAdam<T>> = "adam";
+
+/// The pipeline for options that ask for dimension D, one of the Ks, the optimiser and the backend, else null. Without
+/// features D is 1, and nobody looks at the optimiser.
 template <int D, class Optimizer, class Backend, int... Ks>
 [[nodiscard]] std::unique_ptr<Pipeline> pipeline_with_k(const RunOptions& options, const Dataset& dataset,
                                                         const std::vector<float>& class_vectors) {
+  const std::string_view device = detail::HostBackend<Backend> ? "host" : "cuda";
+  if (options.device != device || (options.has_features() ? options.feature_dim : 1) != D) return nullptr;
+  if (options.has_features() && options.feature_optimizer != kOptimizerName<Optimizer>) return nullptr;
   std::unique_ptr<Pipeline> result;
   const auto choose = [&]<int K>() {
     if (options.top_k == K)

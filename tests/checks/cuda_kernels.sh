@@ -16,11 +16,15 @@ if [[ ! -x $nvcc ]]; then
 fi
 mkdir -p "$out"
 
-# The kernels are the same for all: one PTX, which each generation's assembler allocates registers for.
-"$nvcc" -std=c++20 -O3 --expt-relaxed-constexpr -DEIGEN_NO_CUDA -Iinclude -Itests -isystem "$eigen" \
-  -arch=compute_75 -ptx tests/cuda/all_kernels.cu -o "$out/kernels.ptx"
-"$nvcc" -gencode "arch=compute_75,code=[sm_${generations// /,sm_}]" -fatbin -Xptxas -v "$out/kernels.ptx" \
-  -o "$out/kernels.fatbin" >"$out/ptxas.log" 2>&1 || { cat "$out/ptxas.log"; exit 1; }
+# Two kinds of PTX, for from sm_80 on there are instructions that we use; each generation's assembler allocates registers.
+for from in 75 80; do
+  if ((from == 75)); then to=75; else to=${generations#75 }; fi
+  "$nvcc" -std=c++20 -O3 --expt-relaxed-constexpr -DEIGEN_NO_CUDA -Iinclude -Itests -isystem "$eigen" \
+    -arch=compute_$from -ptx tests/cuda/all_kernels.cu -o "$out/kernels_$from.ptx"
+  "$nvcc" -gencode "arch=compute_$from,code=[sm_${to// /,sm_}]" -fatbin -Xptxas -v "$out/kernels_$from.ptx" \
+    -o "$out/kernels_$from.fatbin" >"$out/ptxas_$from.log" 2>&1 || { cat "$out/ptxas_$from.log"; exit 1; }
+done
+cat "$out"/ptxas_75.log "$out"/ptxas_80.log >"$out/ptxas.log"
 
 # The PTX has each kernel's threads; ptxas prints its name, "N bytes stack frame", and "Used N registers, ... N bytes
 # smem".
@@ -38,7 +42,7 @@ awk '
     match($0, /Used [0-9]+/); used = substr($0, RSTART + 5, RLENGTH - 5)
     print sm, threads[kernel], used, number_before("bytes smem"), stack, spill, kernel
     kernel = ""
-  }' "$out/kernels.ptx" "$out/ptxas.log" >"$out/resources.txt"
+  }' "$out/kernels_75.ptx" "$out/ptxas.log" >"$out/resources.txt"
 toolkit=$("$nvcc" --dryrun -c -x cu /dev/null 2>&1 | sed -n 's/^#\$ TOP=//p')
 "$compiler" -std=c++17 -isystem "$toolkit/include" tests/checks/occupancy.cpp -o "$out/occupancy"
 filter=cat

@@ -29,8 +29,8 @@ function table(how, title,   n, line, rule, i, g) {
 END {
   num_generations = split(generations, sm, " ")
   print "# What the kernels need on a GPU\n"
-  print "Compiled by nvcc " version " from the PTX of `tests/cuda/all_kernels.cu`; occupancy by NVIDIA's `cuda_occupancy.h`. Nothing"
-  print "here was measured on a GPU. Written by\n"
+  print "Compiled by nvcc " version " from the PTX of `tests/cuda/all_kernels.cu`, that for sm_75 and that for sm_80 and later;"
+  print "occupancy by NVIDIA's `cuda_occupancy.h`. Nothing here was measured on a GPU. Written by\n"
   print "```sh"
   print "bash tests/checks/cuda_kernels.sh $(command -v nvcc) g++ build/kernels /usr/include/eigen3 docs/cuda_kernels.md"
   print "```\n"

@@ -46,6 +46,12 @@ TEST_CASE("Algorithms on CUDA stop at a size that only the device knows") {
     const DeviceArray<KeyValue> key_values(pairs);
     const DeviceArray<std::int32_t> grouped(untouched), places(untouched), begin(group_begin);
     group_by_key(executor, key_values.data(), size, grouped.data(), offsets, 50, scratch);
+    Buffer<std::int32_t, Cuda> offsets_again;
+    const DeviceArray<std::uint32_t> constant_keys(keys);
+    const DeviceArray<std::int32_t> constant_values(values), grouped_again(kRoom), sums_before(kRoom + 1);
+    group_by_key(executor, constant_keys.data(), constant_values.data(), size, grouped_again.data(), offsets_again, 50,
+                 scratch);
+    const ListSize total = exclusive_scan(executor, constant_values.data(), sums_before.data(), n, INT32_MAX);
     scan_in_order(executor, order.data(), begin.data(), places.data(), size);
     const DeviceArray<float> values_of_rows(rows);
     const DeviceArray<double> sums(2);
@@ -59,8 +65,17 @@ TEST_CASE("Algorithms on CUDA stop at a size that only the device knows") {
     CHECK(std::count(got.begin() + n, got.end(), -7) == kRoom - n);
     got.resize(n);
     CHECK(got == sorted);
-    std::vector<std::int32_t> ends(51);
+    got = grouped_again.values();
+    got.resize(n);
+    CHECK(got == sorted);
+    CHECK(constant_keys.values() == keys);
+    std::vector<std::int32_t> ends(51), ends_again(51);
     copy_to_host(executor, offsets.data(), 51, ends.data());
+    copy_to_host(executor, offsets_again.data(), 51, ends_again.data());
+    CHECK(ends_again == ends);
+    CHECK(total.most == INT32_MAX);
+    CHECK(sums_before.values()[n] == n * (n - 1) / 2);
+    CHECK(total.exact == sums_before.data() + n);
     for (int k = 0; k <= 50; ++k)
       REQUIRE(ends[k] ==
               std::count_if(keys.begin(), keys.begin() + n, [&](auto key) { return static_cast<int>(key) < k; }));

@@ -52,34 +52,60 @@ TEST_CASE("A run on CUDA is that of the host, and itself again bit for bit") {
   CHECK(test::slam_run<Cuda>().bytes == run.bytes);
 }
 
-TEST_CASE("A run on CUDA neither waits nor takes memory between the iterations on keyframes that it knows") {
+template <int K, class Optimizer, class Coupling>
+using CudaSlam = LangGsSlam<test::kDim, K, PruningPolicy, HybridSchedule, Optimizer, Coupling, Cuda>;
+using Decoupled = CudaSlam<3, FeatureAverage<>, DecoupledFields>;
+using Coupled = CudaSlam<2, FeatureAdam<>, CoupledFields>;
+
+TEST_CASE_TEMPLATE("A run on CUDA neither waits nor takes memory between the iterations on keyframes that it knows",
+                   Slam, Decoupled, Coupled) {
   const SyntheticRoom room = test::small_room(3);
   SlamSettings settings = test::small_settings();
   settings.final_iterations = 8;
   settings.mapping.pose_refinement.start_after_visits = 0;
   const auto memory = std::make_shared<test::CountedMemory>();
   const Executor<Cuda> executor(gpu::Stream(), memory);
-  LangGsSlam<test::kDim, 3, PruningPolicy, HybridSchedule, FeatureAverage<>, DecoupledFields, Cuda> slam(
-      room.camera(), settings, executor);
+  Slam slam(room.camera(), settings, executor);
   slam.pruning.backbone_period = slam.pruning.consistency_period = 0;
+  slam.schedule.feature_every = 2;
   slam.keyframe_policy = test::often();
-  auto none = [](const RgbdFrame&) { return FeatureMap<test::kDim>(); };
-  (void)test::run(slam, test::frames_of(room), none);
+  auto features = test::label_features(room);
+  (void)test::run(slam, test::frames_of(room), features);
   REQUIRE(slam.keyframes().size() >= 2);
-  const int iterations = slam.statistics().geometry_iterations, allocations = memory->allocations,
-            waits = executor.num_waits();
+  const SlamStatistics then = slam.statistics();
+  const int allocations = memory->allocations, waits = executor.num_waits();
   const Pose before = slam.keyframes().back().T_world_camera;
   slam.finish();
   CHECK(executor.num_waits() == waits);
   CHECK(memory->allocations == allocations);
-  CHECK(slam.statistics().geometry_iterations == iterations + settings.final_iterations);
+  CHECK(slam.statistics().geometry_iterations == then.geometry_iterations + settings.final_iterations);
+  CHECK(slam.statistics().feature_iterations == then.feature_iterations + settings.final_iterations / 2);
   CHECK(slam.keyframes().back().T_world_camera.matrix() != before.matrix());  // poses are refined nevertheless
+}
+
+TEST_CASE("A run on CUDA does an iteration without room for its lists again, and its features once") {
+  const SyntheticRoom room = test::small_room(3);
+  SlamSettings settings = test::small_settings();
+  settings.iterations_per_frame = 1;  // no list has room before the first
+  Decoupled slam(room.camera(), settings);
+  auto features = test::label_features(room);
+  (void)slam.process(test::frames_of(room).front(), features, {.is_last = true});
+  slam.finish();
+  REQUIRE(slam.statistics().feature_iterations == 1);
+  const auto map = slam.map().on_host(slam.executor());
+  double pixels = 0;  // what features know beyond their prior: the weights of each taught pixel sum to one
+  for (int i = 0; i < map.size(); ++i) {
+    const float confidence = map.feature_state.confidence.data()[i];
+    if (confidence > 0) pixels += static_cast<double>(confidence - slam.feature_optimizer.prior);
+  }
+  const double all = 40 * 30;
+  CHECK(pixels > 0.9 * all);
+  CHECK(pixels < 1.001 * all);
 }
 
 TEST_CASE("A run on CUDA may have mapping in a thread of its own") {
   const SyntheticRoom room = test::small_room(3);
-  LangGsSlam<test::kDim, 2, PruningPolicy, HybridSchedule, FeatureAdam<>, CoupledFields, Cuda> slam(
-      room.camera(), test::small_settings());
+  Coupled slam(room.camera(), test::small_settings());
   slam.keyframe_policy = test::often();
   auto features = test::label_features(room);
   const std::vector<RgbdFrame> frames = test::frames_of(room);

@@ -47,7 +47,7 @@ TEST_CASE("hits are the contributions, Gaussian by Gaussian, in the order of the
   const FeaturePatches patches{kWidth, kHeight};
   std::set<int> seen;
   int last_patch = 0, total = 0;
-  for (int n = 0; n < view.num_touched; ++n) {
+  for (int n = 0; n < view.num_touched.most; ++n) {
     const TouchedGaussian t = view.touched[n];
     REQUIRE(t.begin < t.end);
     REQUIRE(seen.insert(t.gaussian).second);

@@ -69,7 +69,7 @@ TEST_CASE("Top-K contributions are the oracle's K largest weights, renormalised"
     REQUIRE(view.begin[0] == 0);
     for (int p = 0; p < view.num_pixels(); ++p)
       for (int i = view.begin[p]; i < view.begin[p + 1]; ++i) REQUIRE(view.contribution[i].pixel == p);
-    REQUIRE(view.begin[view.num_pixels()] == view.size);
+    REQUIRE(view.begin[view.num_pixels()] == view.size.most);
     int compared = 0;
     for (int p = 0; p < view.num_pixels(); ++p) {
       const int n = view.begin[p + 1] - view.begin[p], pixel = grid.pixel(p);
@@ -143,7 +143,7 @@ TEST_CASE("an empty map and a view of nothing contribute nothing") {
     else
       r.contributions.from_topk(r.executor, r.rasterizer, grid);
     CHECK(r.contributions.view().num_pixels() == 35);
-    CHECK(r.contributions.view().size == 0);
+    CHECK(r.contributions.view().size.most == 0);
     for (int p = 0; p <= 35; ++p) REQUIRE(r.contributions.view().begin[p] == 0);
   }
 }
@@ -162,7 +162,7 @@ TEST_CASE("samples that are not wanted get nothing, and the others what they had
         r.contributions.from_topk(r.executor, r.rasterizer, grid, mask);
       const ContributionView view = r.contributions.view();
       std::vector<std::vector<std::int32_t>> of(20 * 15);
-      for (int i = 0; i < view.size; ++i) of[view.contribution[i].pixel].push_back(view.gaussian[i]);
+      for (int i = 0; i < view.size.most; ++i) of[view.contribution[i].pixel].push_back(view.gaussian[i]);
       return of;
     };
     auto all = record(nullptr);
@@ -186,8 +186,8 @@ TEST_CASE("contributions are the same bits for any number of threads") {
         r.contributions.from_topk(r.executor, r.rasterizer, grid);
       const ContributionView view = r.contributions.view();
       std::vector<float> w;
-      for (int i = 0; i < view.size; ++i) w.push_back(view.contribution[i].weight);
-      const std::vector<std::int32_t> g(view.gaussian, view.gaussian + view.size);
+      for (int i = 0; i < view.size.most; ++i) w.push_back(view.contribution[i].weight);
+      const std::vector<std::int32_t> g(view.gaussian, view.gaussian + view.size.most);
       if (threads == 1) weights = w, ids = g;
       CHECK(w == weights);
       CHECK(g == ids);

@@ -123,14 +123,19 @@ struct TakeValues {
   LANGGS_HD void operator()(int i) const { values[i] = pairs[i].value; }
 };
 
-/// Gives what follows the last element of a list a key that is larger than any, so that it stays behind when sorted.
+/// Gives what follows the last element of a list a key that is larger than any, so that it stays behind when sorted: in
+/// place, or in a copy.
 template <class Item>
 struct EndList {
   ListSize size;
-  Item* items;
+  const Item* items;
+  Item* ended;
   Item largest;
   LANGGS_HD void operator()(int i) const {
-    if (i >= size.get()) items[i] = largest;
+    if (i >= size.get())
+      ended[i] = largest;
+    else if (ended != items)
+      ended[i] = items[i];
   }
 };
 
@@ -151,7 +156,7 @@ void sort_by_key(const Executor<Backend>& executor, std::uint32_t* keys, std::in
                  SortScratch<Cuda>&) {
   const int n = size.most;
   if (n == 0) return;
-  if (size.exact != nullptr) for_each_n(executor, n, detail::EndList<std::uint32_t>{size, keys, UINT32_MAX});
+  if (size.exact != nullptr) for_each_n(executor, n, detail::EndList<std::uint32_t>{size, keys, keys, UINT32_MAX});
   const std::size_t bytes = static_cast<std::size_t>(n) * 4, part = detail::part_bytes(bytes);
   cub::DoubleBuffer<std::uint32_t> sorted_keys;
   cub::DoubleBuffer<std::int32_t> sorted_values;
@@ -199,6 +204,18 @@ int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts
   std::int64_t total = 0;
   copy_to_host(executor, detail::start_scan(executor, {counts, offsets}, n), 1, &total);
   return detail::checked_total(total);
+}
+
+template <detail::CudaBackend Backend>
+ListSize list_size(const Executor<Backend>&, const std::int32_t* exact, int most) {
+  return {most, exact};
+}
+
+template <detail::CudaBackend Backend>
+ListSize exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts, std::int32_t* offsets, int n,
+                        int most) {
+  (void)detail::start_scan(executor, {counts, offsets}, n);
+  return list_size(executor, offsets + n, most);
 }
 
 template <detail::CudaBackend Backend>
@@ -250,14 +267,22 @@ void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff
 }
 
 template <class T, detail::CudaBackend Backend>
-void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, int n, T* grouped,
-                  Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, const ListSize& size,
+                  T* grouped, Buffer<std::int32_t, Cuda>& offsets, int num_keys, SortScratch<Cuda>&) {
+  const int n = size.most;
+  const bool is_known = size.exact == nullptr;
+  const std::size_t part = detail::part_bytes(static_cast<std::size_t>(n) * 4);
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   const std::byte* const sorted = detail::run_cub(
-      executor, "group_by_key", static_cast<std::size_t>(n) * 4,
+      executor, "group_by_key", is_known ? part : 2 * part,
       [&](void* temporary, std::size_t& temporary_bytes, std::byte* own) {
-        return cub::DeviceRadixSort::SortPairs(temporary, temporary_bytes, keys, reinterpret_cast<std::uint32_t*>(own),
-                                               values, grouped, n, 0, detail::key_bits(num_keys), executor.stream());
+        auto* const ended = reinterpret_cast<std::uint32_t*>(own + part);
+        if (!is_known && temporary != nullptr)
+          for_each_n(executor, n,
+                     detail::EndList<std::uint32_t>{size, keys, ended, static_cast<std::uint32_t>(num_keys)});
+        return cub::DeviceRadixSort::SortPairs(temporary, temporary_bytes, is_known ? keys : ended,
+                                               reinterpret_cast<std::uint32_t*>(own), values, grouped, n, 0,
+                                               detail::key_bits(is_known ? num_keys : num_keys + 1), executor.stream());
       });
   for_each_n(executor, num_keys + 1,
              detail::FindGroups<std::uint32_t>{reinterpret_cast<const std::uint32_t*>(sorted), n, offsets.data()});
@@ -272,7 +297,7 @@ void group_by_key(const Executor<Backend>& executor, KeyValue* pairs, const List
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   // One key more than there are groups, for what follows the last pair.
   if (size.exact != nullptr)
-    for_each_n(executor, n, detail::EndList<KeyValue>{size, pairs, {static_cast<std::uint32_t>(num_keys), 0}});
+    for_each_n(executor, n, detail::EndList<KeyValue>{size, pairs, pairs, {static_cast<std::uint32_t>(num_keys), 0}});
   const int bits = detail::key_bits(size.exact != nullptr ? num_keys + 1 : num_keys);
   cub::DoubleBuffer<std::uint64_t> sorted;
   detail::run_cub(executor, "group_by_key", static_cast<std::size_t>(n) * sizeof(KeyValue),

@@ -63,7 +63,8 @@ class Block {
     int index_;
   };
 
-  /// Collects N sums, or one maximum, over all lanes of all warps of each item: here one row for each warp.
+  /// Collects N sums, or one maximum of values that are not negative, over all lanes of all warps of each item: here
+  /// one row for each warp.
   template <int N, int kItems>
   class ItemTotals {
    public:
@@ -72,7 +73,7 @@ class Block {
     }
     __device__ __forceinline__ void put_max(const Item& item, float value) {
       static_assert(N == 1);
-      const float most = item.warp().max(value);
+      const float most = item.warp().max_of_non_negative(value);
       if (item.warp().lane_index() == 0) rows_[item.warp().index()][0][item.index()] = most;
     }
     /// Writes the sums that were put for item i, or zeros if no warp did, to the first N of the 16 floats at `line`.

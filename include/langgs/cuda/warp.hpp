@@ -69,6 +69,14 @@ class Warp {
     }
     return value;
   }
+  /// The same for values that are not negative, which order as their bits: from sm_80 on, one instruction.
+  [[nodiscard]] __device__ __forceinline__ float max_of_non_negative(float value) const {
+#if __CUDA_ARCH__ >= 800
+    return __uint_as_float(__reduce_max_sync(kAllLanes, __float_as_uint(value)));
+#else
+    return max(value);
+#endif
+  }
   /// base[0 .. 31] for the 32 lanes.
   template <class T>
   [[nodiscard]] __device__ __forceinline__ T load(const T* base) const {

@@ -18,6 +18,7 @@ struct ListSize {
   LANGGS_HD ListSize(int room, const std::int32_t* size) : most(room), exact(size) {}
   /// For kernels.
   [[nodiscard]] LANGGS_HD int get() const { return exact != nullptr ? *exact : most; }
+  friend bool operator==(const ListSize&, const ListSize&) = default;
 };
 
 }  // namespace langgs

@@ -167,6 +167,19 @@ int exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts
              executor, n, [&](int i) { return counts[i]; }, [&](int i, std::int32_t sum) { offsets[i] = sum; });
 }
 
+/// A list's size as kernels read it from `exact`, in the backend's memory; known to be at most `most`. The host looks.
+template <detail::HostBackend Backend>
+ListSize list_size(const Executor<Backend>&, const std::int32_t* exact, int) {
+  return *exact;
+}
+
+/// The scan for whose total nobody waits: it is known to be at most `most`.
+template <detail::HostBackend Backend>
+ListSize exclusive_scan(const Executor<Backend>& executor, const std::int32_t* counts, std::int32_t* offsets, int n,
+                        int) {
+  return exclusive_scan(executor, counts, offsets, n);
+}
+
 /// offsets[which[i]] = sum of the sizes of the groups which[j] over j < i, for i in [0, n): the place of each group
 /// when they follow each other in the order of `which`. Group g has begin[g + 1] - begin[g] members. On one thread:
 /// several that write all over `offsets` wait for each other's cache lines, and take twice as long.
@@ -211,15 +224,15 @@ void sum_rows(const Executor<Backend>& executor, const float* rows, std::ptrdiff
   });
 }
 
-/// Groups `values` [n] by their small keys in [0, num_keys), stably: group k is grouped[offsets[k] .. offsets[k + 1]).
-/// `scratch` is kept by the caller so that no memory is allocated per call.
+/// Groups `values` [size] by their small keys in [0, num_keys), stably: group k is grouped[offsets[k] .. offsets[k +
+/// 1]). `scratch` is kept by the caller so that no memory is allocated per call.
 template <class T, detail::HostBackend Backend>
-void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, int n, T* grouped,
-                  Buffer<std::int32_t, Backend>& offsets, int num_keys, SortScratch<Backend>& scratch) {
+void group_by_key(const Executor<Backend>& executor, const std::uint32_t* keys, const T* values, const ListSize& size,
+                  T* grouped, Buffer<std::int32_t, Backend>& offsets, int num_keys, SortScratch<Backend>& scratch) {
   offsets.resize_discard(executor, static_cast<std::size_t>(num_keys) + 1);
   detail::group(
-      executor, n, num_keys, [&](int i) { return keys[i]; }, [&](int place, int i) { grouped[place] = values[i]; },
-      offsets.data(), scratch.counts);
+      executor, size.most, num_keys, [&](int i) { return keys[i]; },
+      [&](int place, int i) { grouped[place] = values[i]; }, offsets.data(), scratch.counts);
 }
 
 /// The same for keys with their values next to them, which may be overwritten.

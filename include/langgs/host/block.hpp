@@ -110,8 +110,8 @@ class Block {
     WarpRange warps_;
   };
 
-  /// Collects N sums, or one maximum, over all lanes of all warps of each item. At item scope a varying value is shared
-  /// by the warps here, and each warp has its own on CUDA: `put` closes the difference.
+  /// Collects N sums, or one maximum of values that are not negative, over all lanes of all warps of each item. At item
+  /// scope a varying value is shared by the warps here, and each warp has its own on CUDA: `put` closes the difference.
   template <int N, int kItems>
   class ItemTotals {
    public:

@@ -62,7 +62,7 @@ struct AdamFeatureUpdate {
     using F = VaryingOf<float, Block>;
     block.warps([&](const auto& warp) {
       const int n = block.index() * kWarps + warp.index();
-      if (n >= hits.num_touched) return;
+      if (n >= hits.num_touched.get()) return;
       const TouchedGaussian touched = hits.touched[n];  // clang 14 captures no structured bindings
       const std::int32_t g = touched.gaussian, begin = touched.begin, end = touched.end;
       hits.prefetch(warp, n, features, FeatDim);
@@ -130,7 +130,7 @@ struct FeatureAdam {
     scratch.signs.resize_discard(executor, static_cast<std::size_t>(contributions.num_pixels()) * Signs::kWords);
     stream_features<FeatDim>(executor, contributions, map.features().data(), Signs{teacher, scratch.signs.data()});
     const float scale = 1.f / (static_cast<float>(contributions.num_pixels()) * FeatDim);
-    launch(executor, (hits.num_touched + Update::kWarps - 1) / Update::kWarps,
+    launch(executor, (hits.num_touched.most + Update::kWarps - 1) / Update::kWarps,
            Update{hits,
                   scratch.signs.data(),
                   scale,

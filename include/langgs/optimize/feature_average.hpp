@@ -37,7 +37,7 @@ struct AverageUpdate {
     using F = VaryingOf<float, Block>;
     block.warps([&](const auto& warp) {
       const int n = block.index() * kWarps + warp.index();
-      if (n >= hits.num_touched) return;
+      if (n >= hits.num_touched.get()) return;
       const int g = hits.touched[n].gaussian, begin = hits.touched[n].begin, end = hits.touched[n].end;
       hits.prefetch(warp, n, features, FeatDim);
       float weight = 0;
@@ -97,7 +97,7 @@ struct FeatureAverage {
   void step(const Executor<Backend>& executor, GaussianMap<FeatDim, Backend, Storage>& map, const ContributionView&,
             const FeatureHitsView& hits, const Half* teacher, Scratch<FeatDim, Backend>&) const {
     using Update = detail::AverageUpdate<FeatDim, typename Storage::Scalar>;
-    launch(executor, (hits.num_touched + Update::kWarps - 1) / Update::kWarps,
+    launch(executor, (hits.num_touched.most + Update::kWarps - 1) / Update::kWarps,
            Update{hits, teacher, map.features().data(), map.feature_state.confidence.data(), prior, window});
   }
 };

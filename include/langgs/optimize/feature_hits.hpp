@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
-#include "langgs/device/copy.hpp"
 #include "langgs/device/launch.hpp"
+#include "langgs/device/list_size.hpp"
+#include "langgs/device/replay.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_channels.hpp"
 
@@ -20,15 +22,16 @@ struct TouchedGaussian {
 
 /// Contributions turned around: the pixels of each Gaussian.
 struct FeatureHitsView {
-  int num_touched = 0;
+  ListSize num_touched;
   const TouchedGaussian* touched = nullptr;  ///< [num_touched]; neighbours in the image are near each other
   const Contribution* hits = nullptr;        ///< grouped by Gaussian, pixels ascending
 
   /// To be called at touched Gaussian n: says what those after it will read, their hits and their row of `rows`.
   template <class Warp, class T>
   LANGGS_INLINE void prefetch(const Warp& warp, int n, const T* rows, int width) const {
-    if (n + 4 < num_touched) warp.prefetch(hits + touched[n + 4].begin, sizeof(Contribution));
-    if (n + 1 < num_touched)
+    const int end = num_touched.get();
+    if (n + 4 < end) warp.prefetch(hits + touched[n + 4].begin, sizeof(Contribution));
+    if (n + 1 < end)
       warp.prefetch(rows + static_cast<std::ptrdiff_t>(touched[n + 1].gaussian) * width, width * sizeof(T));
   }
 };
@@ -56,17 +59,11 @@ template <class Backend>
 class FeatureHits {
  public:
   void build(const Executor<Backend>& executor, const ContributionView& contributions, int num_gaussians) {
-    hits_.resize_discard(executor, contributions.size);
-    group_by_key(executor, reinterpret_cast<const std::uint32_t*>(contributions.gaussian), contributions.contribution,
-                 contributions.size, hits_.data(), begin_, num_gaussians, scratch_);
-    for (auto* buffer : {&all_, &touched_}) buffer->resize_discard(executor, num_gaussians);
-    patch_.resize_discard(executor, num_gaussians);
     const FeaturePatches patches{contributions.width, contributions.height};
-    for_each_n(executor, num_gaussians,
-               detail::FirstPatch{patches, begin_.data(), hits_.data(), patch_.data(), all_.data()});
-    group_by_key(executor, patch_.data(), all_.data(), num_gaussians, touched_.data(), patch_begin_,
-                 patches.count() + 1, scratch_);
-    copy_to_host(executor, patch_begin_.data() + patches.count(), 1, &num_touched_);
+    replay_(executor, {contributions, num_gaussians},
+            [&] { turn_around(executor, contributions, num_gaussians, patches); });
+    num_touched_ =
+        list_size(executor, patch_begin_.data() + patches.count(), std::min(num_gaussians, contributions.size.most));
   }
 
   [[nodiscard]] FeatureHitsView view() const { return {num_touched_, touched_.data(), hits_.data()}; }
@@ -75,12 +72,32 @@ class FeatureHits {
   }
 
  private:
-  std::int32_t num_touched_ = 0;
+  struct Arguments {
+    ContributionView contributions;
+    int num_gaussians;
+    friend bool operator==(const Arguments&, const Arguments&) = default;
+  };
+
+  void turn_around(const Executor<Backend>& executor, const ContributionView& contributions, int num_gaussians,
+                   const FeaturePatches& patches) {
+    hits_.resize_discard(executor, contributions.size.most);
+    group_by_key(executor, reinterpret_cast<const std::uint32_t*>(contributions.gaussian), contributions.contribution,
+                 contributions.size, hits_.data(), begin_, num_gaussians, scratch_);
+    for (auto* buffer : {&all_, &touched_}) buffer->resize_discard(executor, num_gaussians);
+    patch_.resize_discard(executor, num_gaussians);
+    for_each_n(executor, num_gaussians,
+               detail::FirstPatch{patches, begin_.data(), hits_.data(), patch_.data(), all_.data()});
+    group_by_key(executor, patch_.data(), all_.data(), num_gaussians, touched_.data(), patch_begin_,
+                 patches.count() + 1, scratch_);
+  }
+
+  ListSize num_touched_;
   Buffer<Contribution, Backend> hits_;
   Buffer<TouchedGaussian, Backend> all_, touched_;
   Buffer<std::uint32_t, Backend> patch_;
   Buffer<std::int32_t, Backend> begin_, patch_begin_;
   SortScratch<Backend> scratch_;
+  Replay<Arguments, Backend> replay_;
 };
 
 }  // namespace langgs

@@ -53,7 +53,7 @@ class FeatureStep {
                    "the contributions are for ", contributions.width, "x", contributions.height,
                    " pixels, the teacher has ", teacher.width(), "x", teacher.height());
     optimizer.check();
-    if (contributions.size == 0) return;
+    if (contributions.size.most == 0 || map.size() == 0) return;
     hits_.build(executor, contributions, map.size());
     if (values == nullptr)
       values = teacher_(executor, teacher.pixel(0, 0), static_cast<std::size_t>(contributions.num_pixels()) * FeatDim);

@@ -92,16 +92,20 @@ struct FeatureWeightSlopes {
   }
 };
 
-/// gradient[k, pixel of sample p] = scale * slope[k, p]. No two samples may share a pixel.
+/// gradient[k, pixel of sample p] = weight / values * slope[k, p], where `values` are the channels of the samples that
+/// teach. No two samples may share a pixel.
 struct ScatterSlopes {
   SampleGrid grid;
-  int k;
-  float scale;
-  const float* slope;  ///< [K, n]
-  float* gradient;     ///< [K, H, W]
+  int k, channels;
+  float weight;
+  const double* num_teaching;  ///< of the samples
+  const float* slope;          ///< [K, n]
+  float* gradient;             ///< [K, H, W]
 
   LANGGS_HD void operator()(int p) const {
     const std::ptrdiff_t n = grid.width * grid.height, plane = grid.camera.num_pixels();
+    const double values = *num_teaching * channels;
+    const float scale = values > 0 ? static_cast<float>(static_cast<double>(weight) / values) : 0.f;
     for (int i = 0; i < k; ++i) gradient[i * plane + grid.pixel(p)] = scale * slope[i * n + p];
   }
 };
@@ -122,12 +126,24 @@ class FeatureWeightGradient {
   template <class T>
   double evaluate(const Executor<Backend>& executor, const TopKRasterizer<K, Backend>& rasterizer,
                   const SampleGrid& grid, const T* features, const FeatureMap<FeatDim>& teacher, float weight = 1) {
+    LANGGS_EXPECTS(grid.width == teacher.width() && grid.height == teacher.height(), "there are ", grid.width, "x",
+                   grid.height, " samples, the teacher has ", teacher.width(), "x", teacher.height());
+    const std::size_t values = static_cast<std::size_t>(grid.width) * grid.height * FeatDim;
+    start(executor, rasterizer, grid, features, teacher_(executor, teacher.pixel(0, 0), values), weight);
+    double sums[2];
+    copy_to_host(executor, sums_.data(), 2, sums);
+    return sums[1] > 0 ? sums[0] / (sums[1] * FeatDim) : 0;
+  }
+
+  /// The gradient alone, for whoever does not want to wait for the loss. `teacher` [grid.height, grid.width, FeatDim]
+  /// is in the backend's memory, with zeros where there is none.
+  template <class T>
+  void start(const Executor<Backend>& executor, const TopKRasterizer<K, Backend>& rasterizer, const SampleGrid& grid,
+             const T* features, const Half* teacher, float weight = 1) {
     using Slopes = detail::FeatureWeightSlopes<FeatDim, K, T>;
     LANGGS_EXPECTS(grid.camera.num_pixels() == rasterizer.num_pixels(), "the samples are for an image of ",
                    grid.camera.width, "x", grid.camera.height, ", the rendered one has ", rasterizer.num_pixels(),
                    " pixels");
-    LANGGS_EXPECTS(grid.width == teacher.width() && grid.height == teacher.height(), "there are ", grid.width, "x",
-                   grid.height, " samples, the teacher has ", teacher.width(), "x", teacher.height());
     LANGGS_EXPECTS(
         grid.width >= 1 && grid.width <= grid.camera.width && grid.height >= 1 && grid.height <= grid.camera.height,
         grid.width, "x", grid.height, " samples of an image of ", grid.camera.width, "x", grid.camera.height,
@@ -138,22 +154,15 @@ class FeatureWeightGradient {
     slope_.resize_discard(executor, static_cast<std::size_t>(K) * n);
     rows_.resize_discard(executor, static_cast<std::size_t>(2) * n);
     launch(executor, (n + Slopes::kWarps - 1) / Slopes::kWarps,
-           Slopes{grid, rasterizer.topk_id(), rasterizer.topk_weight(), features,
-                  teacher_(executor, teacher.pixel(0, 0), static_cast<std::size_t>(n) * FeatDim), slope_.data(),
-                  rows_.data(), rows_.data() + n});
-    double sums[2];  // of the losses, and the number of samples that teach
+           Slopes{grid, rasterizer.topk_id(), rasterizer.topk_weight(), features, teacher, slope_.data(), rows_.data(),
+                  rows_.data() + n});
     sums_.resize_discard(executor, 2);
     sum_rows(executor, rows_.data(), n, n, 2, sums_.data());
-    copy_to_host(executor, sums_.data(), 2, sums);
-    const double values = sums[1] * FeatDim;
-
     gradient_.resize_discard(executor, places);
     gradient_.fill(executor, 0.f);
     view_ = {rasterizer.topk_id(), rasterizer.topk_weight(), gradient_.data()};
-    if (values == 0) return 0;
-    const float scale = static_cast<float>(static_cast<double>(weight) / values);
-    for_each_n(executor, n, detail::ScatterSlopes{grid, K, scale, slope_.data(), gradient_.data()});
-    return sums[0] / values;
+    for_each_n(executor, n,
+               detail::ScatterSlopes{grid, K, FeatDim, weight, sums_.data() + 1, slope_.data(), gradient_.data()});
   }
 
   /// For TopKRasterizer::backward; valid until the rasteriser's next render.
@@ -163,7 +172,7 @@ class FeatureWeightGradient {
   TopKWeightGradient<K> view_;
   Upload<Half, Backend> teacher_;
   Buffer<float, Backend> slope_, rows_, gradient_;
-  Buffer<double, Backend> sums_;
+  Buffer<double, Backend> sums_;  ///< of the losses, and the number of samples that teach
 };
 
 }  // namespace langgs

@@ -8,6 +8,7 @@
 #include "langgs/device/algorithm.hpp"
 #include "langgs/device/buffer.hpp"
 #include "langgs/device/launch.hpp"
+#include "langgs/device/list_size.hpp"
 #include "langgs/render/tiles.hpp"
 #include "langgs/render/topk_rasterizer.hpp"
 
@@ -23,12 +24,13 @@ struct Contribution {
 /// F(p) = sum over i in [begin[p], begin[p + 1]) of contribution[i].weight f[gaussian[i]].
 struct ContributionView {
   int width = 0, height = 0;                   ///< of the grid of samples
-  int size = 0;                                ///< begin[num_pixels()]
+  ListSize size;                               ///< begin[num_pixels()]
   const std::int32_t* begin = nullptr;         ///< [num_pixels() + 1]
   const std::int32_t* gaussian = nullptr;      ///< [size]
   const Contribution* contribution = nullptr;  ///< [size]; pixels ascend
 
   [[nodiscard]] LANGGS_HD int num_pixels() const { return width * height; }
+  friend bool operator==(const ContributionView&, const ContributionView&) = default;
 };
 
 /// A grid of width x height sample points that covers the image of a camera: the pixel centres of a feature map.
@@ -168,7 +170,8 @@ class Contributions {
            ray_begin_.bytes() + ray_gaussian_.bytes() + ray_weight_.bytes();
   }
 
-  /// The Top-K records of the rasteriser's last render, at the samples (paper Eqs. 2 and 3).
+  /// The Top-K records of the rasteriser's last render, at the samples (paper Eqs. 2 and 3). Waits for nothing: there
+  /// is room for K at each sample.
   template <int K>
   void from_topk(const Executor<Backend>& executor, const TopKRasterizer<K, Backend>& rasterizer,
                  const SampleGrid& grid, const std::uint8_t* wanted = nullptr) {
@@ -176,14 +179,14 @@ class Contributions {
     resize_pixels(executor, grid);
     const int pixels = grid.width * grid.height;
     for_each_n(executor, pixels, detail::CountTopK<K>{grid, plane, rasterizer.topk_id(), wanted, count_.data()});
-    resize_hits(executor, exclusive_scan(executor, count_.data(), begin_.data(), pixels));
+    resize_hits(executor, exclusive_scan(executor, count_.data(), begin_.data(), pixels, K * pixels));
     for_each_n(executor, pixels,
                detail::FillTopK{grid, plane, rasterizer.topk_id(), rasterizer.topk_weight(), begin_.data(),
                                 gaussian_.data(), contribution_.data()});
   }
 
   /// Every hit of every ray with its raw blending weight: the full alpha blending of the paper's baseline
-  /// (section 4.3).
+  /// (section 4.3). Waits for how many there are.
   void from_blending(const Executor<Backend>& executor, const SplatList<Backend>& splats, const SampleGrid& grid,
                      const std::uint8_t* wanted = nullptr) {
     const int all = grid.camera.num_pixels(), tiles = splats.grid().count(), pixels = grid.width * grid.height;
@@ -212,13 +215,14 @@ class Contributions {
     count_.resize_discard(executor, static_cast<std::size_t>(width_) * height_);
     begin_.resize_discard(executor, static_cast<std::size_t>(width_) * height_ + 1);
   }
-  void resize_hits(const Executor<Backend>& executor, int size) {
+  void resize_hits(const Executor<Backend>& executor, const ListSize& size) {
     size_ = size;
-    gaussian_.resize_discard(executor, size);
-    contribution_.resize_discard(executor, size);
+    gaussian_.resize_discard(executor, size.most);
+    contribution_.resize_discard(executor, size.most);
   }
 
-  int width_ = 0, height_ = 0, size_ = 0;
+  int width_ = 0, height_ = 0;
+  ListSize size_;
   Buffer<std::int32_t, Backend> count_, begin_, gaussian_, ray_count_, ray_begin_, ray_gaussian_;
   Buffer<Contribution, Backend> contribution_;
   Buffer<float, Backend> ray_weight_;

@@ -109,13 +109,12 @@ class Mapper {
 
     const auto start = std::chrono::steady_clock::now();
     rasterizer_.project(executor, map_.geometry(), View(camera_, keyframe.T_world_camera));
-    if (features_due) (void)rasterizer_.fits();  // a feature step works with what was rendered, and waits anyway
-    visit_ = {index, due.geometry};
-    look(executor, features_due ? &policies.coupling : nullptr);
+    visit_ = {index, due.geometry, features_due, policies.feature_optimizer, policies.coupling};
+    look(executor);
     if (due.geometry) geometry_ms_.push_back(since(start));
     if (features_due) {
       const auto feature_start = std::chrono::steady_clock::now();
-      step_features(executor, policies.feature_optimizer);
+      step_features(executor);
       feature_ms_.push_back(since(feature_start));
     }
     ++keyframe.visits;
@@ -134,6 +133,11 @@ class Mapper {
 
   [[nodiscard]] const Map& map() const { return map_; }
   [[nodiscard]] const std::vector<Keyframe<FeatDim>>& keyframes() const { return keyframes_.all(); }
+  /// Features [h, w, FeatDim] and where there are any [h, w] of keyframe i, which has some, in the backend's memory;
+  /// for work that is put on the executor before the mapper is asked for anything else.
+  [[nodiscard]] std::pair<const Half*, const std::uint8_t*> teacher(const Executor<Backend>& executor, int i) {
+    return uploads_.teacher(executor, i, keyframes_[i]);
+  }
   /// Of the last iteration that moved geometry; waits for it.
   [[nodiscard]] double last_loss() const { return loss_.terms().total; }
 
@@ -193,11 +197,13 @@ class Mapper {
   /// Sees to it that the last iteration took place. If it turns out that the lists of its render had no room, it has
   /// changed nothing, and is done again.
   void settle(const Executor<Backend>& executor) {
-    if (!rasterizer_.fits()) look(executor, nullptr);
+    if (rasterizer_.fits()) return;
+    look(executor);
+    if (visit_.steps_features) step_features(executor);
   }
 
-  /// Renders what was projected and steps geometry when due. `coupling` is null where features have no say.
-  void look(const Executor<Backend>& executor, const Coupling* coupling) {
+  /// Renders what was projected and steps geometry when due.
+  void look(const Executor<Backend>& executor) {
     const Keyframe<FeatDim>& keyframe = keyframes_[visit_.keyframe];
     const auto draw = [&] {
       rasterizer_.draw(executor, map_.geometry());  // Eqs. 1 and 2
@@ -207,11 +213,10 @@ class Mapper {
     unpack_target(executor, keyframe);
     const auto learn = [&] {
       draw();
-      step_geometry(executor, keyframe, coupling);
+      step_geometry(executor, keyframe);
     };
-    // With features due, sizes are exact and never the same again.
-    if (coupling != nullptr)
-      learn();
+    if (is_coupled())
+      learn();  // each keyframe has its teacher elsewhere
     else
       replay_(executor, learning_arguments(), learn);
     if (settings_.mapping.refine_poses && settings_.tracking.poses == PoseSource::gicp)
@@ -226,37 +231,41 @@ class Mapper {
                detail::UnpackTarget{images.first, images.second, target_.data(), static_cast<std::ptrdiff_t>(n)});
   }
 
-  void step_geometry(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe, const Coupling* coupling) {
+  /// Whether features have a say in this iteration's geometry.
+  [[nodiscard]] bool is_coupled() const { return Coupling::kCoupled && visit_.steps_features; }
+
+  void step_geometry(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe) {
     const std::size_t n = camera_.num_pixels();
     const RenderPlanes rendered = rasterizer_.rendered();
     loss_.start(executor, {rendered.colour, rendered.depth, camera_.width, camera_.height},
                 {target_.data(), target_.data() + 3 * n, camera_.width, camera_.height},
                 {gradient_.data(), gradient_.data() + 3 * n});
-    backward(executor, keyframe, coupling);
+    backward(executor, keyframe);
     adam_.step(executor, map_, map_gradient_);
   }
 
-  void backward(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe, const Coupling* coupling) {
+  void backward(const Executor<Backend>& executor, const Keyframe<FeatDim>& keyframe) {
     const RenderGradient upstream{gradient_.data(), gradient_.data() + 3 * camera_.num_pixels()};
     if constexpr (Coupling::kCoupled) {
-      if (coupling != nullptr) {
+      if (is_coupled()) {
         const SampleGrid grid{keyframe.features.width(), keyframe.features.height(), camera_};
-        on_weights_.evaluate(executor, rasterizer_, grid, map_.features().data(), keyframe.features, coupling->weight);
+        on_weights_.start(executor, rasterizer_, grid, map_.features().data(), teacher(executor, visit_.keyframe).first,
+                          visit_.coupling.weight);
         return rasterizer_.backward(executor, map_.geometry(), upstream, map_gradient_, on_weights_.view());
       }
     }
     rasterizer_.backward(executor, map_.geometry(), upstream, map_gradient_);
   }
 
-  void step_features(const Executor<Backend>& executor, const FeatureOptimizer& optimizer) {
+  void step_features(const Executor<Backend>& executor) {
     const FeatureMap<FeatDim>& features = keyframes_[visit_.keyframe].features;
     const SampleGrid grid{features.width(), features.height(), camera_};
-    const auto teacher = uploads_.teacher(executor, visit_.keyframe, keyframes_[visit_.keyframe]);
+    const auto [values, present] = teacher(executor, visit_.keyframe);
     if (settings_.mapping.feature_rendering == FeatureRendering::topk)
-      contributions_.from_topk(executor, rasterizer_, grid, teacher.second);
+      contributions_.from_topk(executor, rasterizer_, grid, present);
     else
-      contributions_.from_blending(executor, rasterizer_.splats(), grid, teacher.second);
-    feature_step_.step(executor, optimizer, map_, contributions_.view(), features, teacher.first);
+      contributions_.from_blending(executor, rasterizer_.splats(), grid, present);
+    feature_step_.step(executor, visit_.optimizer, map_, contributions_.view(), features, values);
   }
 
   void collect_statistics(const Executor<Backend>& executor) {
@@ -310,7 +319,9 @@ class Mapper {
   std::vector<std::int32_t> keep_;
   struct {
     int keyframe = 0;
-    bool steps_geometry = false;
+    bool steps_geometry = false, steps_features = false;
+    FeatureOptimizer optimizer{};
+    Coupling coupling{};
   } visit_;  ///< of the last iteration
   Replay<LearningArguments, Backend> replay_;
   int iteration_ = 0, inserted_ = 0, suppressed_ = 0, pruned_ = 0;

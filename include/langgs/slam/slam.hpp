@@ -115,8 +115,13 @@ class LangGsSlam {
   /// Mean cosine of the rendered features to the teachers of all keyframes that still hold theirs.
   [[nodiscard]] TeacherCosine teacher_cosine() {
     TeacherCosine cosine;
-    for (const Keyframe<FeatDim>& k : keyframes())
-      if (!k.features.empty()) renderer_.compare(executor_, map(), View(camera_, k.T_world_camera), k.features, cosine);
+    for (std::size_t i = 0; i < keyframes().size(); ++i) {
+      const Keyframe<FeatDim>& k = keyframes()[i];
+      if (k.features.empty()) continue;
+      renderer_.compare(executor_, map(), View(camera_, k.T_world_camera),
+                        {k.features.width(), k.features.height(), camera_},
+                        mapper_.teacher(executor_, static_cast<int>(i)), cosine);
+    }
     return cosine;
   }
   /// Per pixel the row of `class_vectors` [num_rows, FeatDim] nearest in direction to the rendered feature; row 0

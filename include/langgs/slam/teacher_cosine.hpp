@@ -8,7 +8,6 @@
 
 #include "langgs/core/half.hpp"
 #include "langgs/device/copy.hpp"
-#include "langgs/frame/feature_map.hpp"
 #include "langgs/render/contributions.hpp"
 #include "langgs/render/feature_compositor.hpp"
 
@@ -46,16 +45,15 @@ struct TeacherCosine {
 
   [[nodiscard]] double mean() const { return pixels > 0 ? sum / static_cast<double>(pixels) : 0; }
 
-  /// Adds the pixels of one teacher that have contributions; `contributions` must leave out what it has no feature for.
+  /// Adds the pixels of one teacher [num_pixels, FeatDim], in the backend's memory, that have contributions;
+  /// `contributions` must leave out what it has no feature for.
   template <int FeatDim, class Backend, class Scalar>
   void add(const Executor<Backend>& executor, const ContributionView& contributions, const Scalar* features,
-           const FeatureMap<FeatDim>& teacher) {
+           const Half* teacher) {
     const std::size_t n = contributions.num_pixels();
-    Upload<Half, Backend> upload;
-    const Half* const target = upload(executor, teacher.pixel(0, 0), n * FeatDim);
     std::vector<float> sums(3 * n);
     compute_to_host(executor, sums.data(), sums.size(), [&](float* to) {
-      stream_features<FeatDim>(executor, contributions, features, detail::CosineSums<FeatDim>{target, to});
+      stream_features<FeatDim>(executor, contributions, features, detail::CosineSums<FeatDim>{teacher, to});
     });
     Download<std::int32_t, Backend> download;
     const std::int32_t* const begin = download(executor, contributions.begin, n + 1);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "langgs/core/config.hpp"
@@ -100,16 +101,14 @@ class ViewRenderer {
     return out;
   }
 
-  /// How near the features of the view come to a teacher's; `cosine` takes the sum.
+  /// How near the features of the view come to a teacher's at the samples of `grid`; `cosine` takes the sum. `teacher`:
+  /// its features and where there are any, in the backend's memory.
   template <class Map>
-  void compare(const Executor<Backend>& executor, const Map& map, const View& view, const FeatureMap<FeatDim>& teacher,
-               TeacherCosine& cosine) {
+  void compare(const Executor<Backend>& executor, const Map& map, const View& view, const SampleGrid& grid,
+               const std::pair<const Half*, const std::uint8_t*>& teacher, TeacherCosine& cosine) {
     rasterizer_.render(executor, map.geometry(), view);
-    Upload<std::uint8_t, Backend> upload;
-    const std::uint8_t* const present =
-        upload(executor, teacher.present(), static_cast<std::size_t>(teacher.width()) * teacher.height());
-    contributions_.from_topk(executor, rasterizer_, {teacher.width(), teacher.height(), view.camera}, present);
-    cosine.add(executor, contributions_.view(), map.features().data(), teacher);
+    contributions_.from_topk(executor, rasterizer_, grid, teacher.second);
+    cosine.add<FeatDim>(executor, contributions_.view(), map.features().data(), teacher.first);
   }
 
   /// argmax over the rows of `class_vectors` of F(p) . t / |t|. The compositing is linear, so each Gaussian is compared
