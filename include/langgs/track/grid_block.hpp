@@ -127,7 +127,7 @@ class NearestFew {
       least = least_of(l.best);
     }
     least_rest_ = std::min(least_rest_, least_of(host::detail::smaller(l.best, l.rest)));
-    lanes_ = {};
+    lanes_ = Lanes();
     num_visits_ = 0;
   }
 
@@ -186,8 +186,14 @@ class NearestFew {
   Eigen::Vector3f query_;
   /// What each lane has seen: the nearest two, and how far away the rest is (squared).
   struct Lanes {
-    Native best = kInfinity - Native{}, second = kInfinity - Native{}, rest = kInfinity - Native{};
-    Index best_id{}, second_id{};  // visit and slot
+    Native best, second, rest;
+    Index best_id, second_id;  // visit and slot
+
+    LANGGS_HOST_INLINE Lanes()  // nvcc's front end breaks off at initialisers of vectors beside the members
+    {
+      best = second = rest = kInfinity - Native{};
+      best_id = second_id = Index{};
+    }
   };
   Lanes lanes_;
   std::array<Found, kFew> found_;  // ascending
