@@ -3,6 +3,8 @@
 
 #include <doctest/doctest.h>
 
+#include <cstdint>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -38,6 +40,30 @@ TEST_CASE("a keyframe store within its budget keeps everything") {
   CHECK(store.bytes() == 4 * (kImageBytes + kFeatureBytes));
   CHECK(store.feature_bytes() == 4 * kFeatureBytes);
   CHECK(store.trainable() == std::vector<std::int32_t>{0, 1, 2, 3});
+}
+
+TEST_CASE("keyframes never visited come first, the oldest first; then any, all alike") {
+  const CounterRng choice{3, 0};
+  KeyframeStore<kStoredDim> store(5 * (kImageBytes + kFeatureBytes));
+  for (int i = 0; i < 4; ++i) store.add(keyframe(i));
+  for (int i = 0; i < 4; ++i) {
+    REQUIRE(store.next(choice, 100) == i);
+    ++store[i].visits;
+  }
+  std::vector<int> visits(4, 0);
+  for (std::uint64_t iteration = 0; iteration < 4000; ++iteration) ++visits[store.next(choice, iteration)];
+  for (const int v : visits) CHECK(std::abs(v - 1000) < 150);  // five standard deviations
+  store.add(keyframe(4));
+  CHECK(store.next(choice, 7) == 4);
+}
+
+TEST_CASE("a keyframe without images is not visited") {
+  KeyframeStore<kStoredDim> store(2 * kImageBytes);
+  for (int i = 0; i < 3; ++i) store.add(keyframe(i, /*with_features=*/false));
+  REQUIRE(holdings(store) == "-ii");
+  CHECK(store.next({3, 0}, 0) == 1);  // not the oldest that was never visited
+  store[1].visits = store[2].visits = 1;
+  for (std::uint64_t iteration = 0; iteration < 100; ++iteration) CHECK(store.next({3, 0}, iteration) != 0);
 }
 
 TEST_CASE("beyond the budget feature maps go first, those of the most visited keyframe, the oldest of equals") {

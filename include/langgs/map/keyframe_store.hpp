@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "langgs/core/rng.hpp"
 #include "langgs/map/keyframe.hpp"
 
 namespace langgs {
@@ -32,6 +33,13 @@ class KeyframeStore {
   [[nodiscard]] bool empty() const { return keyframes_.empty(); }
   [[nodiscard]] Keyframe<FeatDim>& operator[](int i) { return keyframes_[i]; }
   [[nodiscard]] const std::vector<Keyframe<FeatDim>>& all() const { return keyframes_; }
+  /// Which keyframe mapping visits next, of those that have images: one never visited, the oldest first; without any,
+  /// one chosen uniformly by `iteration`. There must be a keyframe.
+  [[nodiscard]] int next(const CounterRng& choice, std::uint64_t iteration) const {
+    for (const std::int32_t i : trainable_)
+      if (keyframes_[i].visits == 0) return i;
+    return trainable_[choice.below(iteration, static_cast<std::uint32_t>(trainable_.size()))];
+  }
   /// Indices of the keyframes that have images, ascending.
   [[nodiscard]] const std::vector<std::int32_t>& trainable() const { return trainable_; }
   [[nodiscard]] std::size_t bytes() const { return bytes_; }

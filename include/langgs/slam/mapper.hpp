@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <type_traits>
 #include <utility>
@@ -75,7 +74,6 @@ class Mapper {
     inserted_ += static_cast<int>(chosen.size());
     suppressed_ += tracked.cloud.size() - static_cast<int>(chosen.size());
 
-    unvisited_.push_back(keyframes_.size());
     keyframes_.add({report.frame_index, frame.timestamp, report.T_world_camera, report.T_world_camera, frame.colour,
                     tracked.depth.empty() ? frame.depth : tracked.depth, std::move(features)});
     poses_.add(report.T_world_camera);
@@ -100,11 +98,9 @@ class Mapper {
     if (keyframes_.empty()) return;
     settle(executor);
     const int index = next_keyframe();
-    const bool first_visit = !unvisited_.empty();
-    if (first_visit) unvisited_.pop_front();
     Keyframe<FeatDim>& keyframe = keyframes_[index];
     poses_.refine(settings_.mapping.pose_refinement, index, keyframe.T_world_camera);
-    const OptimizationStep due = policies.schedule(MappingVisit{iteration_, first_visit});
+    const OptimizationStep due = policies.schedule(MappingVisit{iteration_, /*first_visit=*/keyframe.visits == 0});
     const bool features_due = due.features && !keyframe.features.empty();
 
     const auto start = std::chrono::steady_clock::now();
@@ -168,14 +164,9 @@ class Mapper {
     return std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - start).count();
   }
 
-  /// Which keyframe the next iteration visits: new ones first, oldest first; then any, uniformly.
-  int next_keyframe() {
-    while (!unvisited_.empty() && !keyframes_[unvisited_.front()].has_images()) unvisited_.pop_front();
-    if (!unvisited_.empty()) return unvisited_.front();
-    constexpr std::uint64_t kStream = 0x6b657966;                   // of the choice of keyframes
-    const std::vector<std::int32_t>& any = keyframes_.trainable();  // the newest at least
-    return any[CounterRng{settings_.seed, kStream}.below(static_cast<std::uint64_t>(iteration_),
-                                                         static_cast<std::uint32_t>(any.size()))];
+  [[nodiscard]] int next_keyframe() const {
+    constexpr std::uint64_t kStream = 0x6b657966;  // of the choice of keyframes
+    return keyframes_.next(CounterRng{settings_.seed, kStream}, static_cast<std::uint64_t>(iteration_));
   }
 
   /// What the memory and the launches of `look` depend on, once camera and settings are given.
@@ -303,7 +294,6 @@ class Mapper {
   KeyframeStore<FeatDim> keyframes_;
   KeyframePoses<Backend> poses_;
   KeyframeUploads<FeatDim, Backend> uploads_;
-  std::deque<int> unvisited_;
   RedundancyFilter redundancy_;
   MeasuredSurface surface_;
   TopKRasterizer<K, Backend> rasterizer_;
