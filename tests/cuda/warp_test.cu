@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "cuda/device_array.hpp"
@@ -50,6 +51,37 @@ TEST_CASE_TEMPLATE("Sums that a warp makes together are those that it makes one 
   for (int w = 0; w < 2; ++w)
     for (int v = 0; v < N; ++v) CHECK(got[2 * N * w + N + v] == got[2 * N * w + v]);
   CHECK(got[0] != 0.f);
+}
+
+struct MaxTwice {
+  static constexpr int kThreads = 64;
+  template <class Block>
+  struct Shared {};
+  const float* from;  ///< [64]
+  float* to;          ///< [2 warps, 2]
+
+  template <class Block>
+  LANGGS_HD void operator()(Block& block, Shared<Block>&) const {
+    block.warps([&](const auto& warp) {
+      const float value = warp.load(from + 32 * warp.index());
+      warp.store_uniform(to + 2 * warp.index(), warp.max(value));
+      warp.store_uniform(to + 2 * warp.index() + 1, warp.max_of_non_negative(value));
+    });
+  }
+};
+
+TEST_CASE("The largest of a warp's values is found by their bits where none is negative") {
+  for (const int place : {0, 13, 31}) {
+    CAPTURE(place);
+    std::vector<float> values(64);
+    for (int i = 0; i < 32; ++i) values[i] = std::ldexp(1.f, -140 + 8 * i);  // subnormal to large, and zeros
+    std::swap(values[31], values[place]);
+    const test::DeviceArray<float> from(values), to(4, 0xFF);
+    const Executor<Cuda> executor;
+    launch(executor, 1, MaxTwice{from.data(), to.data()});
+    executor.synchronize();
+    CHECK(to.values() == std::vector<float>{0x1p108f, 0x1p108f, 0.f, 0.f});
+  }
 }
 
 /// One step there and one back of the values that a warp has.
