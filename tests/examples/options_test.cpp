@@ -11,6 +11,7 @@
 #include "common/pipeline.hpp"
 #include "langgs/core/error.hpp"
 #include "langgs/io/npy.hpp"
+#include "langgs/slam/settings.hpp"
 #include "temporary_folder.hpp"
 
 using namespace langgs;
